@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "estimation/robust_loss.hpp"
+#include "geometry/camera.hpp"
+
+namespace pilotage {
+
+/// One point seen in one rectified pair.
+struct StereoObservation {
+  int frame = 0;
+  int point = 0;
+  float left_x_px = 0, left_y_px = 0;
+  float right_x_px = 0;  ///< NaN when the right camera did not see it
+  float left_sigma_px = 1;
+  float right_sigma_px = 1;
+};
+
+/// Gaussian knowledge of the first `frames` poses of a problem, left by what was marginalised.
+/// Cost: 1/2 d^T information d + gradient^T d with d_i = log(T_i linearisation_i^-1), T_i =
+/// world_from_left, a perturbation on the left: global motion is then the same shift of every d_i
+/// wherever the poses are, so the prior never invents knowledge of it.
+struct PosePrior {
+  std::vector<Transform> world_from_left;  ///< linearisation points
+  Eigen::MatrixXd information;             ///< (6 n, 6 n)
+  Eigen::VectorXd gradient;                ///< (6 n)
+};
+
+/// Poses and points to adjust together. Observations are grouped by point (ascending).
+struct BundleProblem {
+  RectifiedStereo stereo;
+  std::vector<Transform> world_from_left;
+  std::vector<char> pose_is_fixed;  ///< same length
+  std::vector<Eigen::Vector3d> points_in_world;
+  std::vector<StereoObservation> observations;
+  std::optional<PosePrior> prior;  ///< on the first frames
+  /// Constant error of the right picture in x (adds to the predicted right_x), an unknown if asked.
+  double right_x_offset_px = 0;
+  bool right_x_offset_is_free = false;
+};
+
+struct BundleOptions {
+  RobustLoss loss = RobustLoss::huber;
+  int max_iterations = 10;
+  double relative_cost_change = 1e-4;  ///< converged below this
+  int threads = 1;
+  bool with_covariance = false;
+};
+
+enum class Termination { converged, iteration_limit, no_observations, numerical_failure };
+
+struct BundleResult {
+  Termination termination = Termination::no_observations;
+  int iterations = 0;
+  double initial_cost = 0, final_cost = 0;  ///< robust cost, half sum of squares
+  int residuals = 0;
+  /// Robust estimate (MAD) of the normalised residuals' sigma: 1 when the sigmas given were right.
+  double sigma0 = 1;
+  /// Normalised residual length of each observation at the end.
+  std::vector<float> normalised_residuals;
+  /// Covariance of each pose for the left perturbation (translation, rotation), when asked for;
+  /// zero for fixed poses. Not scaled by sigma0.
+  std::vector<Matrix6d> pose_covariances;
+  double right_x_offset_sigma_px = 0;  ///< standard error, when it was free
+};
+
+/// Minimises reprojection error over the free poses, the points and the offset, in place.
+///
+/// Schur-complement Levenberg-Marquardt (Triggs et al. 2000): points are eliminated one by one, the
+/// reduced camera system is sparse (block profile Cholesky), so cost grows linearly with the length
+/// of a path. The result has the same bits for any number of threads.
+BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options);
+
+/// Removes frame 0 and every point it sees from the problem; what they said about the other poses
+/// becomes the new prior (replacing the old one, which is folded in).
+void marginalize_first_frame(BundleProblem& problem, const BundleOptions& options);
+
+}  // namespace pilotage

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "geometry/transform.hpp"
+
+namespace pilotage {
+
+enum class Distortion {
+  none,
+  brown,           ///< k1 k2 p1 p2 k3 (Brown 1966), on normalised coordinates
+  kannala_brandt,  ///< k1 k2 k3 k4 on the angle (Kannala and Brandt 2006)
+};
+
+/// One camera: pinhole, pixel (0, 0) at the centre of the first pixel, and its lens.
+struct Camera {
+  int width_px = 0;
+  int height_px = 0;
+  double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
+  Distortion distortion = Distortion::none;
+  std::array<double, 5> coefficients{};
+
+  /// Pixel of a point; empty behind the camera or where the lens model folds over.
+  std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point_in_camera) const;
+  /// Unit ray of a pixel; empty where the lens model has no inverse.
+  std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
+  /// Throws std::invalid_argument that names the value: NaN, zero focal length, empty picture.
+  void validate() const;
+};
+
+/// A stereo pair as calibrated.
+struct StereoRig {
+  Camera left;
+  Camera right;
+  Transform right_from_left;
+  /// Where the left camera sits on the robot, if the rig says so.
+  std::optional<Transform> robot_from_left;
+
+  double baseline_m() const { return right_from_left.translation.norm(); }
+  void validate() const;
+};
+
+/// The ideal pair after rectification: equal focal length, rows that coincide, right camera
+/// displaced by +baseline along x. disparity = x_left - x_right - (cx_left - cx_right).
+struct RectifiedStereo {
+  int width_px = 0;
+  int height_px = 0;
+  double focal_px = 0;
+  double cx_px = 0, cy_px = 0;
+  double cx_right_px = 0;
+  double baseline_m = 0;
+
+  Eigen::Vector2d project_left(const Eigen::Vector3d& point_in_left) const {
+    return {focal_px * point_in_left.x() / point_in_left.z() + cx_px,
+            focal_px * point_in_left.y() / point_in_left.z() + cy_px};
+  }
+  Eigen::Vector2d project_right(const Eigen::Vector3d& point_in_left) const {
+    return {focal_px * (point_in_left.x() - baseline_m) / point_in_left.z() + cx_right_px,
+            focal_px * point_in_left.y() / point_in_left.z() + cy_px};
+  }
+  /// Ray with z = 1 through a left pixel.
+  Eigen::Vector3d ray(const Eigen::Vector2d& left_px) const {
+    return {(left_px.x() - cx_px) / focal_px, (left_px.y() - cy_px) / focal_px, 1.0};
+  }
+  double disparity(double left_x_px, double right_x_px) const {
+    return left_x_px - right_x_px - (cx_px - cx_right_px);
+  }
+  double depth_m(double disparity_px) const { return focal_px * baseline_m / disparity_px; }
+};
+
+}  // namespace pilotage

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+// Kernels are written as plain loops or with the compiler's vector extensions and compiled for
+// several instruction sets; the loader picks at run time. Elsewhere than x86-64 the one build uses
+// the platform's own vectors (NEON on aarch64).
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__)
+#define PILOTAGE_KERNEL \
+  __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+#else
+#define PILOTAGE_KERNEL
+#endif
+#define PILOTAGE_INLINE inline __attribute__((always_inline))

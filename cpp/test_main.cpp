@@ -1,0 +1,3 @@
+// SPDX-License-Identifier: Apache-2.0
+#define BOOST_TEST_MODULE pilotage
+#include <boost/test/included/unit_test.hpp>
