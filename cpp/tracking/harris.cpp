@@ -2,6 +2,7 @@
 #include "tracking/harris.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -13,85 +14,104 @@
 namespace pilotage {
 namespace {
 
+// Products of gradients are summed over bins of 2x2 pixels, and all that follows is done a bin: a
+// quarter of the work, and the response is smooth enough to be sampled at every second pixel.
+
 // A tile is at most this wide, so that all its line buffers stay in the first-level cache.
-constexpr int max_tile_px = 256;
-constexpr int lane = 16;  // kernels work on whole blocks of this many pixels
-constexpr int gradient_radius = 1, window_radius = 3, maximum_radius = 1;
-constexpr int halo = gradient_radius + window_radius + maximum_radius;
-constexpr int line_length = (max_tile_px + 2 * halo + lane - 1) / lane * lane + 2 * lane;
+constexpr int max_tile_px = 512;
+constexpr int lane = 16;  // kernels work on whole blocks of this many bins
+// Bins around a bin that its maximum test reads: one for the test, one for the window.
+constexpr int halo_bins = 2;
+constexpr int bin_line = max_tile_px / 2 + 2 * halo_bins + 2 * lane;
+constexpr int pixel_line = 2 * bin_line + 2 * lane;
 
-// The window is [1 1 1] * [1 1 1 1 1] = [1 2 3 3 3 2 1] along rows and columns; Sobel gains 8.
-constexpr float mean_of_window = 1.0F / (15.0F * 15.0F * 64.0F);
+// The window weighs bins by [1 2 1] along rows and columns, pixels by [1 1 2 2 1 1]; Sobel gains 8.
+constexpr float mean_of_window = 1.0F / (8.0F * 8.0F * 64.0F);
 
-// Line buffers, `line_length` floats each. Tensor planes xx, xy, yy lie side by side.
+// Line buffers, `bin_line` floats each. Tensor planes xx, xy, yy lie side by side.
 enum Line : int {
-  products = 0,      // 5 rows x 3 planes, ring
-  column_sums = 15,  // running sums over 5 rows: 3 rows x 3 planes, ring
-  smoothed = 24,     // 3 planes, two passes
-  responses = 30,    // 3 rows, ring
-  line_count = 33,
+  binned = 0,      // 3 planes
+  windowed = 3,    // 3 rows x 3 planes, ring: sums along the row
+  responses = 12,  // 3 rows, ring
+  line_count = 15,
 };
 
-/// Products of Sobel gradients of one row, and the running sums of the last five rows.
-PILOTAGE_KERNEL void add_row(const std::uint8_t* above, const std::uint8_t* middle,
-                             const std::uint8_t* below, int width, float* __restrict product,
-                             const float* __restrict sum_before, float* __restrict sum) {
-  alignas(64) std::int16_t smooth[line_length], step[line_length];
-  for (int i = 0; i < width; ++i) {
-    smooth[i] = static_cast<std::int16_t>(above[i] + 2 * middle[i] + below[i]);
-    step[i] = static_cast<std::int16_t>(below[i] - above[i]);
+using Gradients = std::int16_t[pixel_line];
+
+/// Sobel gradients of the rows `rows + stride` and `rows + 2 stride`; `width` + 2 pixels are read.
+PILOTAGE_INLINE void sobel(const std::uint8_t* rows, std::ptrdiff_t stride, int width,
+                           Gradients* scratch, Gradients* gx, Gradients* gy) {
+  Gradients *smooth = scratch, *step = scratch + 2;
+  const std::uint8_t *a = rows, *b = a + stride, *c = b + stride, *d = c + stride;
+  for (int i = 0; i < width + 2; ++i) {
+    smooth[0][i] = static_cast<std::int16_t>(a[i] + 2 * b[i] + c[i]);
+    smooth[1][i] = static_cast<std::int16_t>(b[i] + 2 * c[i] + d[i]);
+    step[0][i] = static_cast<std::int16_t>(c[i] - a[i]);
+    step[1][i] = static_cast<std::int16_t>(d[i] - b[i]);
   }
-  // The blocks past `width` hold values of no meaning; nothing reads them but other such blocks.
-  for (int i = width; i < width + lane + 2 && i < line_length; ++i) smooth[i] = step[i] = 0;
-  float* __restrict product_xy = product + line_length;
-  float* __restrict product_yy = product + 2 * line_length;
-  const int count = (width - 2 + lane - 1) / lane * lane;
+  // Whole blocks follow; what lies past `width` has a value of no meaning, left from before.
+  const int count = (width + 2 * lane - 1) / (2 * lane) * (2 * lane);
+  for (int r = 0; r < 2; ++r) {
+    for (int i = 0; i < count; ++i) {
+      gx[r][i] = static_cast<std::int16_t>(smooth[r][i + 2] - smooth[r][i]);
+      gy[r][i] = static_cast<std::int16_t>(step[r][i] + 2 * step[r][i + 1] + step[r][i + 2]);
+    }
+  }
+}
+
+/// Sums of gradient products over the bins of two rows, and their [1 2 1] along the row.
+PILOTAGE_KERNEL void add_bin_row(const std::uint8_t* rows, std::ptrdiff_t stride, int bins,
+                                 std::int16_t* scratch, float* __restrict sums,
+                                 float* __restrict window) {
+  auto* const shorts = reinterpret_cast<Gradients*>(scratch);
+  const Gradients *gx = shorts + 4, *gy = shorts + 6;
+  sobel(rows, stride, 2 * bins, shorts, shorts + 4, shorts + 6);
+  const int count = (bins + lane - 1) / lane * lane;
   for (int i = 0; i < count; ++i) {
-    const auto gx = static_cast<float>(static_cast<std::int16_t>(smooth[i + 2] - smooth[i]));
-    const auto gy =
-        static_cast<float>(static_cast<std::int16_t>(step[i] + 2 * step[i + 1] + step[i + 2]));
-    const float xx = gx * gx, xy = gx * gy, yy = gy * gy;
-    // Whole numbers below 2^24: the running sums are exact, wherever a tile began.
-    sum[i] = sum_before[i] + (xx - product[i]);
-    sum[i + line_length] = sum_before[i + line_length] + (xy - product_xy[i]);
-    sum[i + 2 * line_length] = sum_before[i + 2 * line_length] + (yy - product_yy[i]);
-    product[i] = xx;
-    product_xy[i] = xy;
-    product_yy[i] = yy;
+    float xx[2], xy[2], yy[2];
+    for (int r = 0; r < 2; ++r) {
+      // Two neighbours are read as one word and parted by shifts, cheaper than shuffles.
+      std::int32_t x_pair, y_pair;
+      std::memcpy(&x_pair, gx[r] + 2 * i, sizeof x_pair);
+      std::memcpy(&y_pair, gy[r] + 2 * i, sizeof y_pair);
+      const auto x0 = static_cast<float>(
+          static_cast<std::int32_t>(static_cast<std::uint32_t>(x_pair) << 16) >> 16);
+      const auto y0 = static_cast<float>(
+          static_cast<std::int32_t>(static_cast<std::uint32_t>(y_pair) << 16) >> 16);
+      const auto x1 = static_cast<float>(x_pair >> 16);
+      const auto y1 = static_cast<float>(y_pair >> 16);
+      xx[r] = x0 * x0 + x1 * x1;
+      xy[r] = x0 * y0 + x1 * y1;
+      yy[r] = y0 * y0 + y1 * y1;
+    }
+    sums[i] = xx[0] + xx[1];
+    sums[i + bin_line] = xy[0] + xy[1];
+    sums[i + 2 * bin_line] = yy[0] + yy[1];
   }
-}
-
-PILOTAGE_INLINE float mean_of_five(const float* v) {
-  return (((v[0] + v[4]) + (v[1] + v[3])) + v[2]) * mean_of_window;
-}
-
-/// Rows of sums over 5 rows -> window sums -> response of `width` pixels.
-PILOTAGE_KERNEL void respond(const float* __restrict sums, int width, bool minimal_eigenvalue,
-                             float* __restrict scratch, float* __restrict response) {
-  const int count = (width + 2 * window_radius + lane - 1) / lane * lane;
-  float* __restrict tensor = scratch + 3 * line_length;
   for (int plane = 0; plane < 3; ++plane) {
-    const float* a = sums + plane * line_length;
-    const float* b = a + 3 * line_length;
-    const float* c = b + 3 * line_length;
-    float* __restrict column = scratch + plane * line_length;
-    float* __restrict triple = tensor + plane * line_length;
-    for (int i = 0; i < count; ++i) column[i] = (a[i] + b[i]) + c[i];
-    for (int i = 0; i < count; ++i) triple[i] = (column[i] + column[i + 1]) + column[i + 2];
+    const float* from = sums + plane * bin_line;
+    float* __restrict to = window + plane * bin_line;
+    for (int i = 0; i < count; ++i) to[i] = (from[i] + from[i + 2]) + 2 * from[i + 1];
   }
-  const float* xx = tensor;
-  const float* xy = tensor + line_length;
-  const float* yy = tensor + 2 * line_length;
-  const int out = (width + lane - 1) / lane * lane;
+}
+
+/// Response of `bins` bins from three rows of row sums.
+PILOTAGE_KERNEL void respond(const float* __restrict above, const float* __restrict row,
+                             const float* __restrict below, int bins, bool minimal_eigenvalue,
+                             float* __restrict response) {
+  const int count = (bins + lane - 1) / lane * lane;
+  const auto mean = [=](int i) __attribute__((always_inline)) {
+    return ((above[i] + below[i]) + 2 * row[i]) * mean_of_window;
+  };
   if (minimal_eigenvalue) {
-    for (int i = 0; i < out; ++i) {
-      const float a = mean_of_five(xx + i), b = mean_of_five(xy + i), c = mean_of_five(yy + i);
+    for (int i = 0; i < count; ++i) {
+      const float a = mean(i), b = mean(i + bin_line), c = mean(i + 2 * bin_line);
       const float half_difference = 0.5F * (a - c);
       response[i] = 0.5F * (a + c) - std::sqrt(half_difference * half_difference + b * b);
     }
   } else {
-    for (int i = 0; i < out; ++i) {
-      const float a = mean_of_five(xx + i), b = mean_of_five(xy + i), c = mean_of_five(yy + i);
+    for (int i = 0; i < count; ++i) {
+      const float a = mean(i), b = mean(i + bin_line), c = mean(i + 2 * bin_line);
       const float trace = a + c;
       response[i] = (a * c - b * b) - 0.04F * (trace * trace);
     }
@@ -118,11 +138,6 @@ float parabola_peak(float before, float peak, float after) {
   return std::clamp(0.5F * (before - after) / curvature, -0.5F, 0.5F);
 }
 
-bool is_better(const InterestPoint& a, const InterestPoint& b) {
-  if (a.score != b.score) return a.score > b.score;
-  return a.y != b.y ? a.y < b.y : a.x < b.x;
-}
-
 void require(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("HarrisOptions: " + what);
 }
@@ -130,8 +145,8 @@ void require(bool holds, const std::string& what) {
 }  // namespace
 
 void HarrisOptions::validate() const {
-  require(cell_px >= 8 && cell_px <= max_tile_px,
-          "cell_px " + std::to_string(cell_px) + " outside 8..256");
+  require(cell_px >= 8 && cell_px <= max_tile_px && cell_px % 2 == 0,
+          "cell_px " + std::to_string(cell_px) + " is not even and within 8..512");
   require(points_per_cell >= 1 && points_per_cell <= 64,
           "points_per_cell " + std::to_string(points_per_cell) + " outside 1..64");
   require(min_distance_px >= 0 && min_distance_px <= static_cast<float>(cell_px),
@@ -139,15 +154,16 @@ void HarrisOptions::validate() const {
   require(min_score >= 0, "min_score " + std::to_string(min_score) + " is negative");
   require(relative_threshold >= 0 && relative_threshold < 1,
           "relative_threshold " + std::to_string(relative_threshold) + " outside 0..1");
-  require(border_px >= halo, "border_px " + std::to_string(border_px) + " below 5");
+  require(border_px >= 5, "border_px " + std::to_string(border_px) + " below 5");
 }
 
 HarrisDetector::HarrisDetector(const HarrisOptions& options)
     : options_(options),
       // Spares take the place of points that fall to a stronger neighbour of another cell.
       candidates_per_cell_(options.points_per_cell + 3),
-      lines_(static_cast<std::size_t>(line_count) * line_length),
-      is_maximum_(line_length) {
+      shorts_(8 * pixel_line),
+      lines_(static_cast<std::size_t>(line_count) * bin_line),
+      is_maximum_(bin_line) {
   options_.validate();
 }
 
@@ -162,10 +178,10 @@ void HarrisDetector::detect(const ImageView& image, const std::vector<char>& cel
                                 std::to_string(cells) + " cells");
   }
   candidates_.resize(cells * candidates_per_cell_);
-  candidate_count_.assign(cells, 0);
+  count_in_cell_.assign(cells, 0);
   find_tiles(columns, rows, cell_is_taken);
   for (const Tile& tile : tiles_) {
-    const Rectangle area = pixels_of(tile, image);
+    const Rectangle area = bins_of(tile, image);
     if (area.x0 < area.x1 && area.y0 < area.y1) scan_tile(image, area, columns);
   }
   select(columns, rows, points);
@@ -201,54 +217,47 @@ void HarrisDetector::find_tiles(int columns, int rows, const std::vector<char>& 
   }
 }
 
-HarrisDetector::Rectangle HarrisDetector::pixels_of(const Tile& tile,
-                                                    const ImageView& image) const {
-  const int cell = options_.cell_px, border = options_.border_px;
-  return {std::max(tile.first_column * cell, border),
-          std::min(tile.last_column * cell, image.width - border),
-          std::max(tile.first_row * cell, border),
-          std::min(tile.last_row * cell, image.height - border)};
+/// Bins of a tile whose fitted peaks (at most a pixel off) respect the border.
+HarrisDetector::Rectangle HarrisDetector::bins_of(const Tile& tile, const ImageView& image) const {
+  const int cell = options_.cell_px / 2, border = options_.border_px;
+  const auto last = [=](int size) { return (size - border - 3) / 2 + 1; };
+  return {std::max(tile.first_column * cell, (border + 2) / 2),
+          std::min(tile.last_column * cell, last(image.width)),
+          std::max(tile.first_row * cell, (border + 2) / 2),
+          std::min(tile.last_row * cell, last(image.height))};
 }
 
 void HarrisDetector::scan_tile(const ImageView& image, const Rectangle& area, int columns) {
   float* const lines = lines_.data();
   const auto line = [&](int index) {
-    return lines + static_cast<std::ptrdiff_t>(index) * line_length;
+    return lines + static_cast<std::ptrdiff_t>(index) * bin_line;
   };
-  std::memset(lines, 0, sizeof(float) * smoothed * line_length);
   const int width = area.x1 - area.x0;
   const bool minimal = options_.response == HarrisOptions::Response::minimal_eigenvalue;
-  const int first = area.y0 - maximum_radius - window_radius;
-  const int last = area.y1 + maximum_radius + window_radius;
-  for (int y = first; y < last; ++y) {
+  const float floor = minimal ? options_.min_score : options_.min_score * options_.min_score;
+  const int first = area.y0 - halo_bins;
+  for (int y = first; y < area.y1 + halo_bins; ++y) {
     const int step = y - first;
-    const std::ptrdiff_t x = area.x0 - halo;
-    add_row(image.row(y - 1) + x, image.row(y) + x, image.row(y + 1) + x, width + 2 * halo,
-            line(products + 3 * (step % 5)), line(column_sums + 3 * ((step + 2) % 3)),
-            line(column_sums + 3 * (step % 3)));
-    if (step < 2 * window_radius) continue;
-    // Row y - 3 has its whole window now.
-    const int response_step = step - 2 * window_radius;
-    respond(line(column_sums), width + 2 * maximum_radius, minimal, line(smoothed),
-            line(responses + response_step % 3));
-    if (response_step < 2) continue;
-    mark_maxima(line(responses + (response_step - 2) % 3) + 1,
-                line(responses + (response_step - 1) % 3) + 1,
-                line(responses + response_step % 3) + 1, width,
-                minimal ? options_.min_score : options_.min_score * options_.min_score,
-                is_maximum_.data());
-    collect_row(area, y - window_radius - maximum_radius, columns);
+    const std::uint8_t* corner = image.row(2 * y - 1) + 2 * (area.x0 - halo_bins) - 1;
+    add_bin_row(corner, image.stride, width + 2 * halo_bins, shorts_.data(), line(binned),
+                line(windowed + 3 * (step % 3)));
+    if (step < 2) continue;
+    respond(line(windowed + 3 * ((step - 2) % 3)), line(windowed + 3 * ((step - 1) % 3)),
+            line(windowed + 3 * (step % 3)), width + 2, minimal, line(responses + step % 3));
+    if (step < 4) continue;
+    const ResponseRows rows = {line(responses + (step - 2) % 3) + 1,
+                               line(responses + (step - 1) % 3) + 1,
+                               line(responses + step % 3) + 1};
+    mark_maxima(rows.above, rows.row, rows.below, width, floor, is_maximum_.data());
+    collect_row(rows, area, y - halo_bins, columns);
   }
 }
 
-/// Reads the marks of row `y` and offers its maxima to their cells.
-void HarrisDetector::collect_row(const Rectangle& area, int y, int columns) {
+/// Reads the marks of bin row `y` and offers its maxima to their cells.
+void HarrisDetector::collect_row(const ResponseRows& rows, const Rectangle& area, int y,
+                                 int columns) {
   const int width = area.x1 - area.x0;
-  const int step = y - area.y0;  // response rows step, step + 1, step + 2 lie around y
-  const float* lines = lines_.data() + static_cast<std::ptrdiff_t>(responses) * line_length;
-  const float* above = lines + static_cast<std::ptrdiff_t>(step % 3) * line_length;
-  const float* row = lines + static_cast<std::ptrdiff_t>((step + 1) % 3) * line_length;
-  const float* below = lines + static_cast<std::ptrdiff_t>((step + 2) % 3) * line_length;
+  const int cell_bins = options_.cell_px / 2;
   const bool minimal = options_.response == HarrisOptions::Response::minimal_eigenvalue;
   for (int block = 0; block < width; block += 8) {
     std::uint64_t marks;
@@ -256,67 +265,83 @@ void HarrisDetector::collect_row(const Rectangle& area, int y, int columns) {
     if (marks == 0) continue;
     for (int i = block; i < std::min(block + 8, width); ++i) {
       if (!is_maximum_[i]) continue;
-      const int c = i + 1;  // rows begin one pixel left of the area
       const int x = area.x0 + i;
-      const int cell = (y / options_.cell_px) * columns + x / options_.cell_px;
-      const float score = minimal ? row[c] : std::sqrt(row[c]);
-      insert(cell, {static_cast<float>(x) + parabola_peak(row[c - 1], row[c], row[c + 1]),
-                    static_cast<float>(y) + parabola_peak(above[c], row[c], below[c]), score, 0});
+      const int cell = (y / cell_bins) * columns + x / cell_bins;
+      const float peak = rows.row[i];
+      const float score = minimal ? peak : std::sqrt(peak);
+      if (!is_wanted(cell, score)) continue;
+      const float dx = parabola_peak(rows.row[i - 1], peak, rows.row[i + 1]);
+      const float dy = parabola_peak(rows.above[i], peak, rows.below[i]);
+      // The centre of bin x is half a pixel right of pixel 2 x.
+      insert({2 * (static_cast<float>(x) + dx) + 0.5F, 2 * (static_cast<float>(y) + dy) + 0.5F,
+              score, 0},
+             cell);
     }
   }
 }
 
-void HarrisDetector::insert(int cell, const InterestPoint& point) {
+bool HarrisDetector::is_wanted(int cell, float score) const {
+  const int count = count_in_cell_[cell];
+  return count < candidates_per_cell_ ||
+         candidates_[static_cast<std::size_t>(cell) * candidates_per_cell_ + count - 1].score <
+             score;
+}
+
+void HarrisDetector::insert(const InterestPoint& point, int cell) {
   InterestPoint* list =
       candidates_.data() + static_cast<std::ptrdiff_t>(cell) * candidates_per_cell_;
-  int& count = candidate_count_[cell];
-  if (count == candidates_per_cell_) {
-    if (!is_better(point, list[count - 1])) return;
-    --count;
-  }
+  int& count = count_in_cell_[cell];
+  if (count == candidates_per_cell_) --count;
   int place = count++;
-  for (; place > 0 && is_better(point, list[place - 1]); --place) list[place] = list[place - 1];
+  for (; place > 0 && list[place - 1].score < point.score; --place) list[place] = list[place - 1];
   list[place] = point;
 }
 
 /// Greedy choice over the whole picture, strongest first.
 void HarrisDetector::select(int columns, int rows, std::vector<InterestPoint>& points) {
-  sorted_.clear();
-  for (std::size_t cell = 0; cell < candidate_count_.size(); ++cell) {
-    const auto list =
-        candidates_.begin() + static_cast<std::ptrdiff_t>(cell) * candidates_per_cell_;
-    sorted_.insert(sorted_.end(), list, list + candidate_count_[cell]);
-  }
-  std::sort(sorted_.begin(), sorted_.end(), is_better);
-  first_in_cell_.assign(candidate_count_.size(), -1);
-  next_in_cell_.clear();
-  candidate_count_.assign(candidate_count_.size(), 0);
-  const float least = sorted_.empty() ? 0 : options_.relative_threshold * sorted_.front().score;
-  const float reach = options_.min_distance_px * options_.min_distance_px;
-  for (const InterestPoint& point : sorted_) {
-    if (point.score < least) break;
-    // Cells by the pixel of the maximum; the fitted peak is at most half a pixel off.
-    const int column =
-        std::clamp(static_cast<int>(std::lround(point.x)) / options_.cell_px, 0, columns - 1);
-    const int row =
-        std::clamp(static_cast<int>(std::lround(point.y)) / options_.cell_px, 0, rows - 1);
-    const int cell = row * columns + column;
-    if (candidate_count_[cell] >= options_.points_per_cell) continue;
-    bool is_crowded = false;
-    for (int r = std::max(row - 1, 0); r <= std::min(row + 1, rows - 1); ++r) {
-      for (int c = std::max(column - 1, 0); c <= std::min(column + 1, columns - 1); ++c) {
-        for (int k = first_in_cell_[r * columns + c]; k >= 0; k = next_in_cell_[k]) {
-          const float dx = points[k].x - point.x, dy = points[k].y - point.y;
-          is_crowded |= dx * dx + dy * dy < reach;
-        }
-      }
+  order_.clear();
+  for (std::size_t cell = 0; cell < count_in_cell_.size(); ++cell) {
+    for (int k = 0; k < count_in_cell_[cell]; ++k) {
+      const std::size_t index = cell * candidates_per_cell_ + k;
+      // Bits of positive floats sort like the floats; reversed they put the strongest first.
+      const std::uint64_t key =
+          static_cast<std::uint32_t>(~std::bit_cast<std::uint32_t>(candidates_[index].score));
+      order_.push_back(key << 32 | index);
     }
-    if (is_crowded) continue;
-    ++candidate_count_[cell];
+  }
+  std::sort(order_.begin(), order_.end());
+  first_in_cell_.assign(count_in_cell_.size(), -1);
+  count_in_cell_.assign(count_in_cell_.size(), 0);
+  next_in_cell_.clear();
+  float least = 0;
+  for (const std::uint64_t key : order_) {
+    const std::size_t index = key & 0xffffffffU;
+    const InterestPoint& point = candidates_[index];
+    if (points.empty()) least = options_.relative_threshold * point.score;
+    if (point.score < least) break;
+    const int cell = static_cast<int>(index / candidates_per_cell_);
+    if (count_in_cell_[cell] >= options_.points_per_cell) continue;
+    if (is_crowded(point, cell, columns, rows, points)) continue;
+    ++count_in_cell_[cell];
     next_in_cell_.push_back(first_in_cell_[cell]);
     first_in_cell_[cell] = static_cast<int>(points.size());
     points.push_back(point);
   }
+}
+
+bool HarrisDetector::is_crowded(const InterestPoint& point, int cell, int columns, int rows,
+                                const std::vector<InterestPoint>& points) const {
+  const int column = cell % columns, row = cell / columns;
+  const float reach = options_.min_distance_px * options_.min_distance_px;
+  for (int r = std::max(row - 1, 0); r <= std::min(row + 1, rows - 1); ++r) {
+    for (int c = std::max(column - 1, 0); c <= std::min(column + 1, columns - 1); ++c) {
+      for (int k = first_in_cell_[r * columns + c]; k >= 0; k = next_in_cell_[k]) {
+        const float dx = points[k].x - point.x, dy = points[k].y - point.y;
+        if (dx * dx + dy * dy < reach) return true;
+      }
+    }
+  }
+  return false;
 }
 
 }  // namespace pilotage

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "geometry/image.hpp"
@@ -17,13 +18,13 @@ struct InterestPoint {
 };
 
 struct HarrisOptions {
-  /// What a pixel's score is, from the structure tensor M averaged over a 7x7 window.
+  /// What a pixel's score is, from the structure tensor M averaged over 6x6 pixels.
   enum class Response {
     harris,              ///< sqrt(det M - 0.04 trace(M)^2), Harris and Stephens 1988
     minimal_eigenvalue,  ///< the smaller eigenvalue of M, Shi and Tomasi 1994
   };
   Response response = Response::harris;
-  int cell_px = 32;
+  int cell_px = 32;  ///< even
   int points_per_cell = 1;
   /// Points keep this distance from each other, across cells too; at most `cell_px`.
   float min_distance_px = 8;
@@ -44,7 +45,7 @@ class HarrisDetector {
  public:
   explicit HarrisDetector(const HarrisOptions& options = {});
 
-  /// Fills `points` (cleared first) with the best points, strongest first, ties by row then column.
+  /// Fills `points` (cleared first) with the best points, strongest first, ties by cell.
   /// `cell_is_taken` has `columns * rows` flags, row by row, of cells that want no point and are
   /// not looked at; empty means that every cell is free.
   void detect(const ImageView& image, const std::vector<char>& cell_is_taken,
@@ -58,24 +59,31 @@ class HarrisDetector {
   struct Tile {  // a rectangle of free cells
     int first_column, last_column, first_row, last_row;
   };
-  struct Rectangle {  // pixels, end exclusive
+  struct Rectangle {  // bins of 2x2 pixels, end exclusive
     int x0, x1, y0, y1;
   };
+  struct ResponseRows {
+    const float *above, *row, *below;
+  };
   void find_tiles(int columns, int rows, const std::vector<char>& cell_is_taken);
-  Rectangle pixels_of(const Tile& tile, const ImageView& image) const;
+  Rectangle bins_of(const Tile& tile, const ImageView& image) const;
   void scan_tile(const ImageView& image, const Rectangle& area, int columns);
-  void collect_row(const Rectangle& area, int y, int columns);
-  void insert(int cell, const InterestPoint& point);
+  void collect_row(const ResponseRows& rows, const Rectangle& area, int y, int columns);
+  bool is_wanted(int cell, float score) const;
+  void insert(const InterestPoint& point, int cell);
   void select(int columns, int rows, std::vector<InterestPoint>& points);
+  bool is_crowded(const InterestPoint& point, int cell, int columns, int rows,
+                  const std::vector<InterestPoint>& points) const;
 
   HarrisOptions options_;
   int candidates_per_cell_;
   std::vector<Tile> tiles_;
+  std::vector<std::int16_t> shorts_;       // lines of gradients of one tile
   std::vector<float> lines_;               // ring buffers of one tile
-  std::vector<unsigned char> is_maximum_;  // one row of a tile
+  std::vector<unsigned char> is_maximum_;  // one row of bins of a tile
   std::vector<InterestPoint> candidates_;  // candidates_per_cell_ a cell, best first
-  std::vector<int> candidate_count_;
-  std::vector<InterestPoint> sorted_;
+  std::vector<int> count_in_cell_;
+  std::vector<std::uint64_t> order_;               // score and index of candidates
   std::vector<int> first_in_cell_, next_in_cell_;  // chains of accepted points
 };
 
