@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors as one clear line and an exit code: 1 the run failed, 2 the call was wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+
+FAILED = 1
+MISUSED = 2
+
+
+@contextmanager
+def errors_to_exit(*, debug: bool) -> Iterator[None]:
+    """Turn errors inside into a line on stderr and typer.Exit; with `debug` the traceback stays."""
+    from pilotage.errors import InputError, PilotageError
+
+    try:
+        yield
+    except typer.Exit:
+        raise
+    except PilotageError as error:
+        if debug:
+            raise
+        fail(str(error), MISUSED if isinstance(error, InputError) else FAILED)
+    except KeyboardInterrupt:
+        fail("interrupted", FAILED)
+    except Exception as error:
+        if debug:
+            raise
+        kind = type(error).__name__
+        fail(f"a fault of the program, {kind}: {error} (--debug shows where)", FAILED)
+
+
+def fail(message: str, code: int) -> None:
+    """Print `message` as one line on stderr and leave with `code`."""
+    say_error(message)
+    raise typer.Exit(code)
+
+
+def say_error(message: str) -> None:
+    """Print one line on stderr, red on a terminal."""
+    from rich.console import Console
+    from rich.text import Text
+
+    line = " ".join(message.split())
+    Console(stderr=True).print(Text.assemble(("error: ", "bold red"), line), soft_wrap=True)
+
+
+def say_warning(message: str) -> None:
+    """Print one line on stderr, yellow on a terminal."""
+    from rich.console import Console
+    from rich.text import Text
+
+    line = " ".join(message.split())
+    Console(stderr=True).print(Text.assemble(("warning: ", "bold yellow"), line), soft_wrap=True)

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb `localize`: a recording in, a results folder out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pilotage.cli.errors import FAILED, errors_to_exit, fail, say_warning
+
+
+def localize(  # noqa: PLR0913, PLR0917, an argument for each option
+    recording: Annotated[Path, typer.Argument(help="Folder or video file of a stereo camera.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("out"),
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="Calibration YAML, instead of the recording's own.", show_default=False),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            help="Configuration YAML: what differs from the defaults.", show_default=False
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
+    ] = None,
+    rate_hz: Annotated[
+        float | None,
+        typer.Option(help="Pairs a second, where the recording has no times.", show_default=False),
+    ] = None,
+    every: Annotated[int, typer.Option(help="Take each n-th pair only.")] = 1,
+    start: Annotated[int, typer.Option(help="First pair to take, counted from 0.")] = 0,
+    end: Annotated[
+        int | None, typer.Option(help="First pair not to take any more.", show_default=False)
+    ] = None,
+    report: Annotated[bool, typer.Option(help="Draw report.html.")] = True,
+    overwrite: Annotated[
+        bool, typer.Option(help="Replace earlier results in that folder.")
+    ] = False,
+    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+) -> None:
+    """Example: pilotage localize recordings/street -o out/
+
+    Find where the camera was at every stereo pair of RECORDING. Formats are recognised by
+    themselves: KITTI, EuRoC, folders of left and right or side-by-side pictures, video. Ctrl-C
+    ends the run early and keeps what was computed.
+    """
+    with errors_to_exit(debug=debug):
+        from pilotage import StereoOdometry
+        from pilotage.behaviors.localize import Selection
+        from pilotage.behaviors.localize import localize as track
+        from pilotage.cli.progress import make_progress
+        from pilotage.config import load_config
+        from pilotage.recordings.recording import open_recording
+
+        selection = Selection(start=start, end=end, every=every)
+        _stop_on_terminate()
+        used = load_config(config, settings or [])
+        opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz)
+        odometry = StereoOdometry(rig=opened.rig, config=used)
+        with make_progress(opened.name, len(selection.indices(len(opened)))) as progress:
+            summary = track(
+                recording=opened,
+                odometry=odometry,
+                config=used,
+                out=out,
+                selection=selection,
+                overwrite=overwrite,
+                on_pair=progress.on_pair,
+            )
+        if report:
+            _draw_report(out)
+        _conclude(summary, out)
+
+
+def _stop_on_terminate() -> None:
+    """Let `kill` end a run as Ctrl-C does: with everything written."""
+    import signal
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def _draw_report(out: Path) -> None:
+    """Draw in a process of its own: plotting needs more memory than tracking."""
+    import subprocess
+    import sys
+
+    drawn = subprocess.run(
+        [sys.executable, "-m", "pilotage.evaluation.report", str(out)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if drawn.returncode != 0:
+        said = drawn.stderr.strip().splitlines()
+        fail(f"report not drawn: {said[-1] if said else 'no reason given'}", FAILED)
+
+
+def _conclude(summary: dict[str, Any], out: Path) -> None:
+    from pilotage.evaluation.verdict import failure_words, tracking_words
+    from pilotage.results import REPORT
+
+    for warning in summary["warnings"]:
+        say_warning(warning)
+    typer.echo(
+        f"{tracking_words(summary)} {summary['cpu_ms_per_pair']:.1f} CPU-ms a pair,"
+        f" {summary['peak_rss_mb']:.0f} MB. Results in {out}"
+        + (f", see {out / REPORT}" if (out / REPORT).exists() else "")
+    )
+    failure = failure_words(summary)
+    if failure is not None:
+        fail(failure, FAILED)
+    if summary["state"] == "interrupted":
+        fail(f"interrupted after {summary['pairs']} pairs; what was computed is kept", FAILED)

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a run goes, while it goes: a bar on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Protocol, Self
+
+from pilotage.pose_files import PoseRecord
+from pilotage.reasons import reason_words
+
+SECONDS_BETWEEN_LINES = 5.0
+
+
+class Progress(Protocol):
+    """Shows pairs as they are done; used in a `with`."""
+
+    def __enter__(self) -> Self:
+        """Start showing."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop showing."""
+
+    def on_pair(self, done: int, record: PoseRecord) -> None:
+        """Show that `done` pairs are done, the last of them with `record`."""
+
+
+def make_progress(name: str, pairs: int) -> Progress:
+    """Return a bar where stderr is a terminal, plain lines otherwise."""
+    return BarProgress(name, pairs) if sys.stderr.isatty() else LineProgress(name, pairs)
+
+
+def status_words(record: PoseRecord) -> str:
+    """Return the status, with the reason where there is one."""
+    if record.reason == "none":
+        return record.status
+    return f"{record.status}: {reason_words(record.reason)}"
+
+
+class LineProgress:
+    """A line every few seconds."""
+
+    def __init__(self, name: str, pairs: int) -> None:
+        self._name, self._pairs = name, pairs
+        self._started = self._said = time.monotonic()
+
+    def __enter__(self) -> Self:
+        print(f"{self._name}: {self._pairs} pairs", file=sys.stderr, flush=True)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        return None
+
+    def on_pair(self, done: int, record: PoseRecord) -> None:
+        """Print a line when the last one is old enough or the run is through."""
+        now = time.monotonic()
+        if now - self._said < SECONDS_BETWEEN_LINES and done < self._pairs:
+            return
+        self._said = now
+        rate = done / max(now - self._started, 1e-9)
+        print(
+            f"{done}/{self._pairs} pairs, {rate:.1f} pairs/s, {status_words(record)},"
+            f" {record.inliers} inliers",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+class BarProgress:
+    """A bar that is redrawn a few times a second, whatever the rate of pairs."""
+
+    def __init__(self, name: str, pairs: int) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+        from rich.progress import Progress as Bar
+
+        self._bar = Bar(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]:.1f} pairs/s"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[status]}, {task.fields[inliers]} inliers"),
+            console=Console(stderr=True),
+            refresh_per_second=4,
+        )
+        self._task = self._bar.add_task(name, total=pairs, rate=0.0, status="starting", inliers=0)
+        self._started = time.monotonic()
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bar.stop()
+
+    def on_pair(self, done: int, record: PoseRecord) -> None:
+        """Tell the bar; it redraws by its own clock."""
+        self._bar.update(
+            self._task,
+            completed=done,
+            rate=done / max(time.monotonic() - self._started, 1e-9),
+            status=status_words(record),
+            inliers=record.inliers,
+        )

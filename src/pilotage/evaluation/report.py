@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""report.html: one page that shows a run, with nothing fetched from elsewhere.
+
+`python -m pilotage.evaluation.report OUT` draws it anew from a results folder.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from pilotage.atomic_files import write_atomically
+from pilotage.errors import PilotageError
+from pilotage.evaluation import plots
+from pilotage.evaluation.course import Course, course_of, truth_in_view
+from pilotage.evaluation.evaluate import Comparison, evaluate_results
+from pilotage.evaluation.metrics import SegmentError
+from pilotage.evaluation.verdict import (
+    calibration_words,
+    failure_words,
+    length_words,
+    metric_rows,
+    tracking_words,
+)
+from pilotage.pose_files import read_text
+from pilotage.reasons import reason_remedy, reason_words
+from pilotage.results import CALIBRATION, CONFIG, REPORT, TRUTH, Results, read_results
+
+CSS = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; background: #f4f5f7; margin: 0; }
+main { max-width: 1120px; margin: 0 auto; padding: 24px 16px 48px; }
+h1 { font-size: 24px; margin: 0; }
+h2 { font-size: 17px; margin: 28px 0 10px; }
+.made { color: #666; margin: 2px 0 18px; overflow-wrap: anywhere; }
+.card { background: #fff; border: 1px solid #dfe2e6; border-radius: 8px; padding: 12px 14px; }
+.verdict { font-size: 17px; border-left: 6px solid #009E73; }
+.verdict.bad { border-left-color: #D55E00; }
+.verdict p { margin: 4px 0; }
+.warnings { border-left: 6px solid #D55E00; background: #fff6ef; margin-top: 12px; }
+.warnings ul { margin: 4px 0; padding-left: 20px; }
+.numbers { display: grid; grid-template-columns: repeat(auto-fill, minmax(150px, 1fr)); gap: 10px;
+  margin-top: 12px; }
+.numbers b { display: block; font-size: 20px; font-weight: 600; }
+.numbers span { color: #555; font-size: 13px; }
+.figures { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 12px; }
+.figures .wide { grid-column: 1 / -1; }
+figure { margin: 0; }
+svg { display: block; width: 100%; height: auto; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
+th, td { text-align: left; padding: 4px 10px; border-bottom: 1px solid #e6e8eb; font-weight: 400;
+  vertical-align: top; }
+thead th { color: #555; font-size: 13px; }
+.number { text-align: right; white-space: nowrap; }
+pre { overflow-x: auto; font-size: 13px; margin: 8px 0 0; }
+details { margin-top: 10px; }
+summary { cursor: pointer; }
+@media (max-width: 760px) { .figures { grid-template-columns: 1fr; } }
+@media print { body { background: #fff; } .card { break-inside: avoid; } }
+"""
+
+
+def write_report(results: Results, comparison: Comparison | None) -> None:
+    """Write report.html into the results folder; `comparison` adds what is known of the truth."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(plots.STYLE):
+        body = "\n".join(_sections(results, comparison))
+    name = escape(_recording(results)["name"])
+    write_atomically(
+        results.path / REPORT,
+        "<!doctype html>\n<html lang='en'>\n<head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        f"<title>{name}: Pilotage</title><style>{CSS}</style></head>\n"
+        f"<body><main>\n{body}\n</main></body>\n</html>\n",
+    )
+
+
+def _recording(results: Results) -> dict[str, Any]:
+    """Return what the summary says of the recording; a killed run did not come to say it."""
+    unknown = {"name": results.path.name, "path": "?"}
+    return dict(results.summary.get("recording", unknown))
+
+
+def _sections(results: Results, comparison: Comparison | None) -> Iterable[str]:
+    summary = results.summary
+    course = course_of(results.records, summary.get("body", "left"))
+    yield _head(results)
+    if "pairs" in summary:
+        yield _verdict(summary)
+        yield _warnings(summary["warnings"])
+        yield _numbers(summary)
+    else:
+        yield _warnings(["The run was killed: this is what was known when it ended."])
+    yield from _figures(course, comparison)
+    if comparison is not None:
+        yield _truth_tables(comparison)
+    if "pairs" in summary:
+        yield _reasons(summary)
+    yield _appendix(results)
+
+
+def _head(results: Results) -> str:
+    summary, recording = results.summary, _recording(results)
+    version = f"Pilotage {summary.get('version', '')}".strip()
+    commit = summary.get("commit")
+    made = f"{version} ({commit[:12]})" if commit else version
+    return (
+        f"<h1>{escape(recording['name'])}</h1>"
+        f"<p class='made'>{escape(str(recording['path']))} &middot; {escape(made)}</p>"
+    )
+
+
+def _verdict(summary: dict[str, Any]) -> str:
+    failure = failure_words(summary)
+    is_bad = failure is not None or summary["calibration_check"]["verdict"] == "inconsistent"
+    said = [tracking_words(summary), calibration_words(summary)]
+    if failure is not None:
+        said.insert(0, failure[0].upper() + failure[1:])
+    paragraphs = "".join(f"<p>{escape(sentence)}</p>" for sentence in said)
+    return f"<div class='card verdict{' bad' if is_bad else ''}'>{paragraphs}</div>"
+
+
+def _warnings(warnings: Sequence[str]) -> str:
+    if not warnings:
+        return ""
+    items = "".join(f"<li>{escape(warning)}</li>" for warning in warnings)
+    return f"<div class='card warnings'><b>Warnings</b><ul>{items}</ul></div>"
+
+
+def _numbers(summary: dict[str, Any]) -> str:
+    shown = [
+        (f"{summary['tracked'] + summary['degraded']} of {summary['pairs']}", "pairs with a pose"),
+        (length_words(summary), "path"),
+        (f"{summary['keyframes']}", "keyframes"),
+        (f"{summary['cpu_ms_per_pair']:.1f} ms", "CPU a pair, without decoding"),
+        (f"{summary['wall_ms_per_pair']:.1f} ms", "wall clock a pair"),
+        (f"{summary['adjustment_cpu_ms']:.0f} ms", "CPU of the last adjustment"),
+        (f"{summary['peak_rss_mb']:.0f} MB", "peak memory"),
+    ]
+    cards = "".join(
+        f"<div class='card'><b>{escape(value)}</b><span>{escape(name)}</span></div>"
+        for value, name in shown
+    )
+    return f"<div class='numbers'>{cards}</div>"
+
+
+def _figures(course: Course, comparison: Comparison | None) -> Iterable[str]:
+    if course.is_lost.all():
+        yield "<p class='card'>There is no pose to draw.</p>"
+        return
+    truth_m = None if comparison is None else truth_in_view(course, comparison)
+    yield "<h2>Path from above</h2><div class='figures'>"
+    yield _figure(plots.draw_path(course, truth_m), "path from above", wide=True)
+    if comparison is not None:
+        yield _figure(plots.draw_errors(course, comparison), "error over distance")
+    yield _figure(plots.draw_height(course, truth_m), "height over distance")
+    yield _figure(plots.draw_speed(course), "speed over time")
+    yield _figure(plots.draw_matches(course), "matches and inliers over time")
+    yield _figure(plots.draw_residuals(course), "residual and y-parallax over time")
+    yield _figure(plots.draw_deviation(course), "uncertainty over time")
+    yield "</div>"
+    if course.is_lost.any():
+        yield "<p class='made'>Shaded: no pose. Dotted: the straight line over a gap.</p>"
+
+
+def _figure(svg: str, name: str, *, wide: bool = False) -> str:
+    kind = "card wide" if wide else "card"
+    return f"<figure class='{kind}' role='img' aria-label='{escape(name)}'>{svg}</figure>"
+
+
+def _truth_tables(comparison: Comparison) -> str:
+    rows = "".join(
+        f"<tr><th>{escape(name)}</th><td class='number'>{escape(value)}</td></tr>"
+        for name, value in metric_rows(comparison.metrics)
+    )
+    return (
+        "<h2>Against truth</h2><div class='figures'>"
+        f"<div class='card'><table>{rows}</table></div>"
+        f"{_segment_table(comparison.metrics.segments)}</div>"
+    )
+
+
+def _segment_table(segments: Sequence[SegmentError]) -> str:
+    if not segments:
+        return ""
+    rows = "".join(
+        f"<tr><td class='number'>{segment.length_m:.3g} m</td>"
+        f"<td class='number'>{segment.segments}</td>"
+        f"<td class='number'>{segment.translation_percent:.3f} %</td>"
+        f"<td class='number'>{segment.rotation_deg_m:.5f} &deg;/m</td></tr>"
+        for segment in segments
+    )
+    heads = "".join(
+        f"<th class='number'>{name}</th>"
+        for name in ("segments of", "count", "translation error", "rotation error")
+    )
+    return f"<div class='card'><table><thead><tr>{heads}</tr></thead>{rows}</table></div>"
+
+
+def _reasons(summary: dict[str, Any]) -> str:
+    rows = [
+        (said, count, reason_words(reason), reason_remedy(reason))
+        for status, said in (("lost", "lost"), ("degraded", "uncertain"))
+        for reason, count in summary[f"{status}_reasons"].items()
+    ]
+    rows += [
+        ("not readable", 1, f"pair {pair['index']}: {pair['reason']}", "")
+        for pair in summary["skipped_pairs"]
+    ]
+    if not rows:
+        return ""
+    body = "".join(
+        f"<tr><td>{escape(said)}</td><td class='number'>{count}</td><td>{escape(why)}</td>"
+        f"<td>{escape(remedy)}</td></tr>"
+        for said, count, why, remedy in rows
+    )
+    return (
+        "<h2>What went wrong, and what helps</h2><div class='card'><table><thead><tr><th></th>"
+        f"<th class='number'>pairs</th><th>why</th><th>what helps</th></tr></thead>{body}"
+        "</table></div>"
+    )
+
+
+def _appendix(results: Results) -> str:
+    parts = []
+    for name in (CONFIG, CALIBRATION):
+        path = results.path / name
+        if path.exists():
+            text = escape(read_text(path))
+            parts.append(
+                f"<details class='card'><summary>{name}</summary><pre>{text}</pre></details>"
+            )
+    return "<h2>How it was run</h2>" + "".join(parts)
+
+
+def draw_report(out: Path) -> None:
+    """Draw the report of a results folder, against the truth where the folder holds one."""
+    if (out / TRUTH).exists():
+        comparison = evaluate_results(out)
+        write_report(comparison.results, comparison)
+    else:
+        write_report(read_results(out), None)
+
+
+def main() -> int:
+    """Draw the report of the folder named on the command line; 1 where it cannot be drawn."""
+    try:
+        draw_report(Path(sys.argv[1]))
+    except PilotageError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a summary says, in plain words: for the terminal and for the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pilotage.reasons import reason_remedy, reason_words
+
+if TYPE_CHECKING:
+    from pilotage.evaluation.metrics import Metrics
+
+
+def tracking_words(summary: Mapping[str, Any]) -> str:
+    """Return one sentence on how much was tracked, over which way."""
+    posed = summary["tracked"] + summary["degraded"]
+    words = f"Tracked {posed} of {summary['pairs']} pairs over {length_words(summary)}"
+    parts = [
+        f"{summary[key]} {said}"
+        for key, said in (
+            ("degraded", "of them uncertain"),
+            ("lost", "lost"),
+            ("skipped", "not readable"),
+        )
+        if summary[key]
+    ]
+    return f"{words} ({', '.join(parts)})." if parts else f"{words}."
+
+
+def length_words(summary: Mapping[str, Any]) -> str:
+    """Return the length of the path with a unit that suits it."""
+    length_m = summary["path_length_m"]
+    return f"{length_m:.1f} m" if length_m >= 10 else f"{length_m:.3f} m"
+
+
+def calibration_words(summary: Mapping[str, Any]) -> str:
+    """Return what the pictures say of the calibration, its size, significance and remedy."""
+    check = summary["calibration_check"]
+    verdict = check["verdict"]
+    if verdict == "consistent":
+        return f"The calibration fits the pictures: {_found(check)}."
+    if verdict == "inconsistent":
+        remedy = reason_remedy("calibration_does_not_fit")
+        return f"The calibration does not fit the pictures: {_found(check)}. {remedy}"
+    return (
+        "The calibration could not be checked: this motion does not show whether it fits. Move"
+        " forwards past things that are first far and then near."
+    )
+
+
+def _found(check: Mapping[str, Any]) -> str:
+    parts = []
+    for key, said in (
+        ("right_x_offset", "the right picture is off sideways by"),
+        ("y_parallax", "up or down by"),
+    ):
+        value, sigma = check[f"{key}_px"], check[f"{key}_sigma_px"]
+        errors = check[f"{key}_significance"]
+        if value is None or sigma is None:
+            continue
+        times = "" if errors is None else f" ({errors:.1f} standard errors)"
+        parts.append(f"{said} {value:+.3f} ± {sigma:.3f} px{times}")
+    return " and ".join(parts) if parts else check["message"].rstrip(".")
+
+
+def failure_words(summary: Mapping[str, Any]) -> str | None:
+    """Return why nothing was tracked and what to do; None where something was."""
+    posed = summary["tracked"] + summary["degraded"]
+    # The first pose is given by choice of the world; alone it tells of no motion.
+    if posed > 1 or (posed == 1 and summary["pairs"] == 1):
+        return None
+    if summary["pairs"] and summary["skipped"] == summary["pairs"]:
+        first = summary["skipped_pairs"][0]
+        return f"no pair could be read; the first (index {first['index']}): {first['reason']}"
+    reasons = summary["lost_reasons"]
+    if not reasons:
+        return "nothing was tracked: too few pairs could be read"
+    reason = next(iter(reasons))
+    return f"nothing was tracked: {reason_words(reason)}. {reason_remedy(reason)}"
+
+
+def metric_rows(metrics: Metrics) -> list[tuple[str, str]]:
+    """Return name and value of each figure, with its unit; what could not be told is left out."""
+    rows = [
+        ("pairs compared", f"{metrics.compared} of {metrics.pairs}"),
+        ("pairs without pose", str(metrics.lost)),
+        ("length of the truth", f"{metrics.truth_length_m:.3f} m"),
+        (f"ATE, rms (alignment {metrics.alignment})", f"{metrics.ate_rmse_m:.4f} m"),
+        ("ATE of the length", f"{metrics.ate_percent_of_length:.3f} %"),
+        ("ATE, median", f"{metrics.ate_median_m:.4f} m"),
+        ("ATE, largest", f"{metrics.ate_max_m:.4f} m"),
+        ("translation over segments", f"{metrics.translation_percent:.3f} %"),
+        ("rotation over segments", f"{metrics.rotation_deg_m:.5f} deg/m"),
+        ("a step, rms", f"{1e3 * metrics.rpe_translation_rmse_m:.2f} mm"),
+        ("a step, median", f"{1e3 * metrics.rpe_translation_median_m:.2f} mm"),
+        ("a step's rotation, rms", f"{metrics.rpe_rotation_rmse_deg:.4f} deg"),
+        ("end, from the first pose", f"{metrics.end_error_m:.4f} m"),
+        ("end, of the length", f"{metrics.end_error_percent:.3f} %"),
+        ("largest, from the first pose", f"{metrics.origin_error_max_m:.4f} m"),
+        ("estimated size / true size", f"{metrics.scale:.5f}"),
+    ]
+    if metrics.consistency is not None:
+        rows += [
+            ("NEES, mean (6 is right)", f"{metrics.consistency.mean_nees:.2f}"),
+            ("NEES within 99 %", f"{100 * metrics.consistency.share_within_99_percent:.1f} %"),
+        ]
+    return [(name, value) for name, value in rows if not value.startswith("nan")]

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Why a pair was not tracked, in plain words, and what to do about it: the closed list."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Reason:
+    """What happened (a phrase that can follow "because") and what the user can do."""
+
+    words: str
+    remedy: str
+
+
+REASONS: dict[str, Reason] = {
+    "none": Reason("nothing was wrong", "Nothing to do."),
+    "too_dark": Reason(
+        "the pictures are too dark",
+        "Add light, lengthen the exposure or raise the gain.",
+    ),
+    "too_bright": Reason(
+        "the pictures are overexposed",
+        "Shorten the exposure, or keep the sun and lamps out of the view.",
+    ),
+    "blurred": Reason(
+        "the pictures are blurred",
+        "Shorten the exposure, move or turn more slowly, and check the focus.",
+    ),
+    "too_few_points": Reason(
+        "too few points could be followed",
+        "Point the cameras at something with texture, keep people and vehicles from filling the"
+        " view, and let the views overlap more (more pairs a second, slower turns).",
+    ),
+    "no_parallax": Reason(
+        "nothing in view is near enough to measure its distance",
+        "Bring nearer things into view, or use a pair of cameras with a longer base.",
+    ),
+    "calibration_does_not_fit": Reason(
+        "the pictures do not fit the calibration",
+        "Calibrate the stereo pair again, and check that the calibration belongs to these cameras"
+        " at this picture size.",
+    ),
+    "frames_missing": Reason(
+        "pictures are missing or unreadable",
+        "Look for dropped frames: a full disk, a slow card, a loose cable.",
+    ),
+    "left_right_swapped": Reason(
+        "the left and the right pictures are exchanged",
+        "Exchange the two cameras, or the two folders of pictures.",
+    ),
+    "left_right_out_of_step": Reason(
+        "left and right were not taken at the same moment",
+        "Trigger both cameras together, and match the pictures by their time stamps.",
+    ),
+}
+
+
+def reason_words(key: str) -> str:
+    """Return the phrase for `key`; the key itself where it is not in the list."""
+    reason = REASONS.get(key)
+    return reason.words if reason else key.replace("_", " ")
+
+
+def reason_remedy(key: str) -> str:
+    """Return the remedy for `key`; empty where it is not in the list."""
+    reason = REASONS.get(key)
+    return reason.remedy if reason else ""

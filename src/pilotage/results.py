@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The results folder: what a run leaves behind. Its files are told in docs/results_folder.md."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pilotage.atomic_files import produce_atomically, write_atomically, write_error
+from pilotage.errors import InputError, RunError
+from pilotage.pose_files import (
+    PoseRecord,
+    csv_header,
+    csv_line,
+    kitti_line,
+    read_pose_table,
+    read_text,
+    tum_line,
+)
+
+if TYPE_CHECKING:
+    from pilotage import StereoRig
+
+SUMMARY = "summary.json"
+CONFIG = "config.yaml"
+CALIBRATION = "calibration.yaml"
+POSES = "poses.csv"
+POSES_LIVE = "poses_live.csv"
+TUM = "trajectory_tum.txt"
+TUM_LIVE = "trajectory_live_tum.txt"
+KITTI = "trajectory_kitti.txt"
+TRUTH = "truth_tum.txt"
+CLOUD = "points.ply"
+EVALUATION = "evaluation.json"
+REPORT = "report.html"
+FILES = (
+    *(SUMMARY, CONFIG, CALIBRATION, POSES, POSES_LIVE, TUM, TUM_LIVE, KITTI),
+    *(TRUTH, CLOUD, EVALUATION, REPORT),
+)
+
+
+class ResultsFolder:
+    """A results folder being written. `with` opens it and keeps its live files open.
+
+    Entering raises InputError where the folder holds anything but an earlier result, or holds one
+    and `overwrite` is false; every write raises RunError naming the file.
+    """
+
+    def __init__(self, path: Path, *, overwrite: bool = False) -> None:
+        self.path = path
+        self._overwrite = overwrite
+        self._live: dict[str, IO[str]] = {}
+
+    def __enter__(self) -> Self:
+        self._check_free()
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            for name in FILES:
+                (self.path / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot use {self.path} for results: {error.strerror}") from error
+        # Marks the folder as ours from the first moment on, and as unfinished should we be killed.
+        self.write_summary({"state": "running"})
+        for name in (POSES_LIVE, TUM_LIVE):
+            self._live[name] = self._open_live(self.path / name)
+        self._append(POSES_LIVE, csv_header())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for name, file in self._live.items():
+            try:
+                file.close()
+            except OSError as close_error:
+                if error is None:
+                    raise write_error(self.path / name, close_error) from close_error
+        self._live = {}
+
+    def append_live(self, record: PoseRecord) -> None:
+        """Add a pair, as known at this moment, to the live files; they are readable at any time."""
+        self._append(POSES_LIVE, csv_line(record))
+        self._append(TUM_LIVE, tum_line(record))
+
+    def write_trajectory(self, records: Iterable[PoseRecord]) -> None:
+        """Write the adjusted trajectory in its three formats."""
+        known = list(records)
+        write_atomically(self.path / POSES, csv_header() + "".join(map(csv_line, known)))
+        write_atomically(self.path / TUM, "".join(map(tum_line, known)))
+        write_atomically(self.path / KITTI, "".join(map(kitti_line, known)))
+
+    def write_truth(self, records: Sequence[PoseRecord]) -> None:
+        """Write the truth that came with the recording; no file where there is none."""
+        if records:
+            header = "# truth of the recording: t[s] x y z qx qy qz qw\n"
+            write_atomically(self.path / TRUTH, header + "".join(map(tum_line, records)))
+
+    def write_cloud(self, points_m: NDArray[np.floating[Any]], greys: NDArray[np.uint8]) -> None:
+        """Write (N, 3) points in the world, metres, and their (N,) greys as binary PLY."""
+        write_atomically(self.path / CLOUD, ply_bytes(points_m, greys))
+
+    def write_config(self, config: Mapping[str, Any]) -> None:
+        """Write the whole configuration the run used, so that it can be given to --config."""
+        import yaml
+
+        write_atomically(self.path / CONFIG, yaml.safe_dump(dict(config), sort_keys=False))
+
+    def write_calibration(self, rig: StereoRig) -> None:
+        """Write the calibration the run used, so that it can be given to --calibration."""
+        from pilotage.calibration.files import save_rig
+
+        produce_atomically(self.path / CALIBRATION, lambda path: save_rig(path, rig))
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """Write summary.json; NaN becomes null, for JSON has none."""
+        write_json(self.path / SUMMARY, {"program": "pilotage", **summary})
+
+    def _check_free(self) -> None:
+        if not self.path.exists():
+            return
+        if not self.path.is_dir():
+            raise InputError(f"{self.path} is a file; results need a folder")
+        if not any(self.path.iterdir()):
+            return
+        if not is_results_folder(self.path):
+            raise InputError(f"{self.path} holds other things than results; choose another folder")
+        if not self._overwrite:
+            raise InputError(
+                f"{self.path} holds earlier results; choose another folder or give --overwrite"
+            )
+
+    def _open_live(self, path: Path) -> IO[str]:
+        try:
+            # Line buffered: a killed run loses no finished line.
+            return path.open("w", buffering=1, encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise write_error(path, error) from error
+
+    def _append(self, name: str, line: str) -> None:
+        try:
+            self._live[name].write(line)
+        except OSError as error:
+            raise write_error(self.path / name, error) from error
+
+
+@dataclass(frozen=True)
+class Results:
+    """A results folder as read: `adjusted` is false where only the live poses exist."""
+
+    path: Path
+    summary: dict[str, Any]
+    records: list[PoseRecord]
+    adjusted: bool
+
+
+def read_results(path: Path) -> Results:
+    """Read a results folder, also one whose run was killed; InputError where it is none."""
+    if not is_results_folder(path):
+        raise InputError(f"{path} is not a results folder: it has no {SUMMARY} of pilotage")
+    summary = json.loads(read_text(path / SUMMARY))
+    adjusted = (path / POSES).exists()
+    records = read_pose_table(path / (POSES if adjusted else POSES_LIVE))
+    return Results(path=path, summary=summary, records=records, adjusted=adjusted)
+
+
+def is_results_folder(path: Path) -> bool:
+    """Tell whether a run of this program made the folder."""
+    try:
+        content = json.loads((path / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(content, dict) and content.get("program") == "pilotage"
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON that every reader takes: NaN and infinity become null."""
+    write_atomically(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic | np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def ply_bytes(points_m: NDArray[np.floating[Any]], greys: NDArray[np.uint8]) -> bytes:
+    """Return a binary little-endian PLY of (N, 3) float points whose colour is their grey."""
+    if points_m.shape != (len(greys), 3):
+        raise RunError(f"{len(greys)} greys do not fit points of shape {points_m.shape}")
+    finite = np.isfinite(points_m).all(axis=1)
+    vertices = np.empty(
+        int(finite.sum()),
+        dtype=[("point", "<f4", 3), ("red", "u1"), ("green", "u1"), ("blue", "u1")],
+    )
+    vertices["point"] = points_m[finite]
+    for colour in ("red", "green", "blue"):
+        vertices[colour] = greys[finite]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property float {axis}" for axis in "xyz"]
+    header += [f"property uchar {colour}" for colour in ("red", "green", "blue")]
+    return "\n".join([*header, "end_header\n"]).encode("ascii") + vertices.tobytes()
