@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tracking/subpixel.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+#include "geometry/dispatch.hpp"
+
+namespace pilotage {
+namespace {
+
+constexpr int lanes = 16;            // a row of the window, with a pixel on either side, fits
+constexpr int max_rows = 2 * 6 + 3;  // likewise
+constexpr int taps = 4;              // of the interpolation
+
+struct Window {
+  alignas(64) float row[max_rows][lanes];
+};
+
+/// Cubic convolution (Keys 1981, a = -1/2) at fraction t after the second tap.
+PILOTAGE_INLINE void cubic_weights(float t, float* weight) {
+  weight[0] = t * (-0.5F + t * (1.0F - 0.5F * t));
+  weight[1] = 1.0F + t * t * (-2.5F + 1.5F * t);
+  weight[2] = t * (0.5F + t * (2.0F - 1.5F * t));
+  weight[3] = t * t * (-0.5F + 0.5F * t);
+}
+
+/// Samples `rows` rows of `lanes` pixels, the first at (x, y). Pixels beyond the right edge, which
+/// only lanes outside of the window reach, repeat the last.
+PILOTAGE_INLINE void sample(const ImageView& image, float x, float y, int rows, Window& window) {
+  const int x0 = static_cast<int>(std::floor(x)) - 1, y0 = static_cast<int>(std::floor(y)) - 1;
+  float wx[taps], wy[taps];
+  cubic_weights(x - std::floor(x), wx);
+  cubic_weights(y - std::floor(y), wy);
+  constexpr int reach = lanes + taps - 1;
+  alignas(64) float across[max_rows + taps - 1][lanes];
+  for (int r = 0; r < rows + taps - 1; ++r) {
+    const std::uint8_t* p = image.row(y0 + r) + x0;
+    std::uint8_t edge[reach];
+    if (x0 + reach > image.width) {
+      for (int i = 0; i < reach; ++i) edge[i] = p[std::min(i, image.width - 1 - x0)];
+      p = edge;
+    }
+    for (int l = 0; l < lanes; ++l) {
+      across[r][l] = (wx[0] * p[l] + wx[1] * p[l + 1]) + (wx[2] * p[l + 2] + wx[3] * p[l + 3]);
+    }
+  }
+  for (int r = 0; r < rows; ++r) {
+    for (int l = 0; l < lanes; ++l) {
+      window.row[r][l] = (wy[0] * across[r][l] + wy[1] * across[r + 1][l]) +
+                         (wy[2] * across[r + 2][l] + wy[3] * across[r + 3][l]);
+    }
+  }
+}
+
+/// Sum over lanes in a fixed order, the same on every instruction set.
+PILOTAGE_INLINE float total(const float* v) {
+  float half[8], quarter[4];
+  for (int i = 0; i < 8; ++i) half[i] = v[i] + v[i + 8];
+  for (int i = 0; i < 4; ++i) quarter[i] = half[i] + half[i + 4];
+  return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
+}
+
+/// Sum of products over the window.
+PILOTAGE_INLINE float dot(const Window& a, const Window& b, int rows) {
+  alignas(64) float sum[lanes] = {};
+  for (int r = 0; r < rows; ++r) {
+    for (int l = 0; l < lanes; ++l) sum[l] += a.row[r][l] * b.row[r][l];
+  }
+  return total(sum);
+}
+
+/// Subtracts the mean; lanes outside of the window become zero and then count in no product.
+PILOTAGE_INLINE void centre(Window& window, const float* mask, int rows, float count) {
+  alignas(64) float sum[lanes] = {};
+  for (int r = 0; r < rows; ++r) {
+    for (int l = 0; l < lanes; ++l) sum[l] += window.row[r][l] * mask[l];
+  }
+  const float mean = total(sum) / count;
+  for (int r = 0; r < rows; ++r) {
+    for (int l = 0; l < lanes; ++l) window.row[r][l] = (window.row[r][l] - mean) * mask[l];
+  }
+}
+
+/// Removes from `window` its part along `direction`, whose squared norm is given.
+PILOTAGE_INLINE void project_out(Window& window, const Window& direction, float norm2, int rows) {
+  const float scale = dot(window, direction, rows) / norm2;
+  for (int r = 0; r < rows; ++r) {
+    for (int l = 0; l < lanes; ++l) window.row[r][l] -= scale * direction.row[r][l];
+  }
+}
+
+/// The template, and its gradients with gain and offset of brightness projected out.
+struct Template {
+  Window value, gx, gy;
+  float norm2 = 0;
+  float xx = 0, xy = 0, yy = 0, determinant = 0;
+};
+
+PILOTAGE_INLINE void prepare(const ImageView& a, float x, float y, const SubpixelOptions& options,
+                             const float* mask, Template& t) {
+  const int rows = 2 * options.half_height_px + 1;
+  const auto count = static_cast<float>(rows * (2 * options.half_width_px + 1));
+  Window wide;  // a pixel more on each side, for central differences
+  sample(a, x - static_cast<float>(options.half_width_px) - 1,
+         y - static_cast<float>(options.half_height_px) - 1, rows + 2, wide);
+  for (int r = 0; r < rows; ++r) {
+    for (int l = 0; l < lanes - 2; ++l) {
+      t.value.row[r][l] = wide.row[r + 1][l + 1];
+      t.gx.row[r][l] = 0.5F * (wide.row[r + 1][l + 2] - wide.row[r + 1][l]);
+      t.gy.row[r][l] = 0.5F * (wide.row[r + 2][l + 1] - wide.row[r][l + 1]);
+    }
+    for (int l = lanes - 2; l < lanes; ++l) {
+      t.value.row[r][l] = t.gx.row[r][l] = t.gy.row[r][l] = 0;
+    }
+  }
+  centre(t.value, mask, rows, count);
+  centre(t.gx, mask, rows, count);
+  centre(t.gy, mask, rows, count);
+  t.norm2 = dot(t.value, t.value, rows);
+  if (t.norm2 <= 0) return;
+  project_out(t.gx, t.value, t.norm2, rows);
+  project_out(t.gy, t.value, t.norm2, rows);
+  t.xx = dot(t.gx, t.gx, rows);
+  t.xy = dot(t.gx, t.gy, rows);
+  t.yy = dot(t.gy, t.gy, rows);
+  t.determinant = options.along_row_only ? t.xx : t.xx * t.yy - t.xy * t.xy;
+}
+
+bool is_inside(const ImageView& image, const Eigen::Vector2f& p, const SubpixelOptions& options) {
+  // Two pixels more than the window: one for the gradient, one for the interpolation.
+  const auto w = static_cast<float>(options.half_width_px + 2);
+  const auto h = static_cast<float>(options.half_height_px + 2);
+  return p.x() >= w && p.y() >= h && p.x() < static_cast<float>(image.width - 1) - w &&
+         p.y() < static_cast<float>(image.height - 1) - h;
+}
+
+/// Fills in correlation and sigma from the last residuals.
+PILOTAGE_INLINE void judge(const Template& t, float correlation, float freedom, bool along_row_only,
+                           SubpixelMatch& match) {
+  match.correlation = correlation;
+  // Residuals of the window scaled to the template's contrast: norm2 (1/c^2 - 1) would treat all
+  // noise as B's, 2 norm2 (1 - c) shares it; they agree where matches are good.
+  const float variance = 2 * t.norm2 * std::max(0.0F, 1 - correlation) / freedom;
+  const float x2 = along_row_only ? variance / t.xx : variance * t.yy / t.determinant;
+  const float y2 = along_row_only ? 0.0F : variance * t.xx / t.determinant;
+  match.sigma_px = {std::sqrt(x2), std::sqrt(y2)};
+}
+
+PILOTAGE_KERNEL void refine(const ImageView& a, const float* point, const ImageView& b,
+                            const float* guess, const SubpixelOptions& options,
+                            SubpixelMatch& match) {
+  const int rows = 2 * options.half_height_px + 1, columns = 2 * options.half_width_px + 1;
+  const auto count = static_cast<float>(rows * columns);
+  alignas(64) float mask[lanes];
+  for (int l = 0; l < lanes; ++l) mask[l] = l < columns ? 1.0F : 0.0F;
+  Template t;
+  prepare(a, point[0], point[1], options, mask, t);
+  // Less than one grey level of contrast, or no gradient across the aperture.
+  if (t.norm2 < count || t.determinant <= (options.along_row_only ? 1.0F : 1e-4F * t.xx * t.yy)) {
+    return;
+  }
+  float x = guess[0], y = guess[1];
+  for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
+    const Eigen::Vector2f now(x, y);
+    if (std::abs(x - guess[0]) > options.max_shift_px ||
+        std::abs(y - guess[1]) > options.max_shift_px || !is_inside(b, now, options)) {
+      return;
+    }
+    Window here;
+    sample(b, x - static_cast<float>(options.half_width_px),
+           y - static_cast<float>(options.half_height_px), rows, here);
+    centre(here, mask, rows, count);
+    const float norm2 = dot(here, here, rows);
+    if (norm2 < 1) return;
+    match.position_px = now;
+    const float along = dot(here, t.value, rows);
+    // The gradients are orthogonal to the template, so it drops out of the right hand side.
+    const float scale = std::sqrt(t.norm2 / norm2);
+    const float bx = scale * dot(here, t.gx, rows);
+    const float by = options.along_row_only ? 0.0F : scale * dot(here, t.gy, rows);
+    const float dx = options.along_row_only ? bx / t.xx : (t.yy * bx - t.xy * by) / t.determinant;
+    const float dy = options.along_row_only ? 0.0F : (t.xx * by - t.xy * bx) / t.determinant;
+    judge(t, along / std::sqrt(t.norm2 * norm2), count - 4, options.along_row_only, match);
+    if (std::abs(dx) + std::abs(dy) < 0.004F) {
+      match.ok = match.correlation > 0;
+      return;
+    }
+    x -= dx;
+    y -= dy;
+  }
+  match.ok = match.correlation > 0;
+}
+
+}  // namespace
+
+void SubpixelOptions::validate() const {
+  const auto require = [](bool holds, const std::string& what) {
+    if (!holds) throw std::invalid_argument("SubpixelOptions: " + what);
+  };
+  require(half_width_px >= 1 && half_width_px <= 6,
+          "half_width_px " + std::to_string(half_width_px) + " outside 1..6");
+  require(half_height_px >= 1 && half_height_px <= 6,
+          "half_height_px " + std::to_string(half_height_px) + " outside 1..6");
+  require(max_iterations >= 1, "max_iterations " + std::to_string(max_iterations) + " below 1");
+  require(max_shift_px > 0, "max_shift_px " + std::to_string(max_shift_px) + " is not positive");
+}
+
+SubpixelMatch refine_match(const ImageView& a, const Eigen::Vector2f& point_in_a,
+                           const ImageView& b, const Eigen::Vector2f& guess_in_b,
+                           const SubpixelOptions& options) {
+  options.validate();
+  SubpixelMatch match;
+  match.position_px = guess_in_b;
+  if (is_inside(a, point_in_a, options) && is_inside(b, guess_in_b, options)) {
+    refine(a, point_in_a.data(), b, guess_in_b.data(), options, match);
+  }
+  return match;
+}
+
+}  // namespace pilotage
