@@ -20,7 +20,8 @@ namespace pilotage {
 
 namespace nb = nanobind;
 
-/// A grey picture from Python: (height, width) uint8, pixels of a row adjacent, rows `strides` apart.
+/// A grey picture from Python: (height, width) uint8, pixels of a row adjacent, rows `strides`
+/// apart.
 using ImageArray = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::device::cpu>;
 
 /// The same pixels, not copied; valid while `image` lives. `name` is the argument's, for the error.
@@ -38,8 +39,8 @@ inline ImageView image_view(const ImageArray& image, const char* name) {
           static_cast<std::ptrdiff_t>(image.stride(0))};
 }
 
-/// (N, 2) pixels and (N, 3) points: as arguments `const Eigen::Ref<const Points2>&` (not copied when
-/// float64 and C-contiguous), as results by value (moved). They may be used without the GIL.
+/// (N, 2) pixels and (N, 3) points: as arguments `const Eigen::Ref<const Points2>&` (not copied
+/// when float64 and C-contiguous), as results by value (moved). They may be used without the GIL.
 using Points2 = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 using Points3 = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using Points2Ref = Eigen::Ref<const Points2>;
@@ -76,8 +77,9 @@ inline nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<2>> to_numpy(Image&& image)
   auto* kept = new Image(std::move(image));
   nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<Image*>(p); });
   return nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<2>>(
-      kept->row(0), {static_cast<std::size_t>(kept->height()), static_cast<std::size_t>(kept->width())},
-      owner, {static_cast<std::int64_t>(kept->stride()), 1});
+      kept->row(0),
+      {static_cast<std::size_t>(kept->height()), static_cast<std::size_t>(kept->width())}, owner,
+      {static_cast<std::int64_t>(kept->stride()), 1});
 }
 
 }  // namespace pilotage

@@ -14,6 +14,9 @@ enum class Distortion {
   kannala_brandt,  ///< k1 k2 k3 k4 on the angle (Kannala and Brandt 2006)
 };
 
+/// Largest picture side accepted, pixels.
+inline constexpr int max_side_px = 16384;
+
 /// One camera: pinhole, pixel (0, 0) at the centre of the first pixel, and its lens.
 struct Camera {
   int width_px = 0;
@@ -22,10 +25,15 @@ struct Camera {
   Distortion distortion = Distortion::none;
   std::array<double, 5> coefficients{};
 
-  /// Pixel of a point; empty behind the camera or where the lens model folds over.
+  /// Pixel of a point, inside the picture or not; empty behind the camera (z <= 0) or where the
+  /// lens model folds over (two directions would meet in one pixel).
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point_in_camera) const;
-  /// Unit ray of a pixel; empty where the lens model has no inverse.
+  /// Unit ray of a pixel, z > 0; empty where the lens model has no inverse.
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
+  bool contains(const Eigen::Vector2d& pixel) const {
+    return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() <= width_px - 1 &&
+           pixel.y() <= height_px - 1;
+  }
   /// Throws std::invalid_argument that names the value: NaN, zero focal length, empty picture.
   void validate() const;
 };
@@ -39,6 +47,8 @@ struct StereoRig {
   std::optional<Transform> robot_from_left;
 
   double baseline_m() const { return right_from_left.translation.norm(); }
+  /// Throws std::invalid_argument that names the value: a bad camera, unequal pictures, no
+  /// baseline, right camera not to the right of the left one.
   void validate() const;
 };
 
