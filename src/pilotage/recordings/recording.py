@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The protocol of a recording, the table of formats, and `open_recording`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Protocol
+
+from pilotage import StereoRig
+from pilotage.errors import InputError
+from pilotage.recordings.frames import BadFrame, StereoFrame, Truth
+
+__all__ = ["BadFrame", "Recording", "StereoFrame", "Truth", "open_recording"]
+
+# Tried in this order, each imported when its turn comes; outside packages come after, through
+# entry points of this group.
+FORMATS = {
+    "kitti": "pilotage.recordings.kitti:KittiRecording",
+    "euroc": "pilotage.recordings.euroc:EurocRecording",
+    "video": "pilotage.recordings.video:VideoRecording",
+    "images": "pilotage.recordings.images:ImagesRecording",
+}
+ENTRY_POINTS = "pilotage.recordings"
+
+
+class Recording(Protocol):
+    """Stereo pairs with times and the rig that took them."""
+
+    name: str
+    path: Path
+    rig: StereoRig
+
+    @property
+    def decode_cpu_s(self) -> float:
+        """Return the processor time reading and decoding has cost so far."""
+
+    def __len__(self) -> int:
+        """Return the number of pairs, bad ones included."""
+
+    def frames(self) -> Iterator[StereoFrame | BadFrame]:
+        """Return the pairs in order; each call starts anew."""
+
+    def truth(self) -> Truth | None:
+        """Return the true poses stored with the recording, None without; InputError if broken."""
+
+
+class Format(Protocol):
+    """What a format's class offers beside its instances, which are `Recording`s."""
+
+    looks_for: str  # what must be there, in a few words
+
+    def recognises(self, path: Path) -> bool:
+        """Tell from names alone whether `path` is of this format."""
+
+    def __call__(self, path: Path, calibration: Path | None, rate_hz: float | None) -> Recording:
+        """Open; InputError when the content does not hold what the names promise."""
+
+
+def open_recording(
+    path: str | Path, *, calibration: str | Path | None = None, rate_hz: float | None = None
+) -> Recording:
+    """Open a recording of whichever format `path` is.
+
+    `calibration` replaces the recording's own; `rate_hz` replaces its times by a steady rate.
+    Raises InputError naming the file, the value and the remedy.
+    """
+    source = Path(path)
+    if rate_hz is not None and not 1e-3 <= rate_hz <= 1e5:
+        raise InputError(f"rate_hz = {rate_hz}: must lie from 0.001 to 100000 pictures a second")
+    try:
+        if not source.exists():
+            raise InputError(f"{source}: does not exist; check the path")
+        for recording_format in _formats():
+            if recording_format.recognises(source):
+                given = None if calibration is None else Path(calibration)
+                return recording_format(source, given, rate_hz)
+    except (OSError, ValueError) as error:  # no permission, a zero byte in a name
+        raise InputError(f"{str(source)!r}: cannot be read ({error}); check the path") from error
+    looked_for = "; ".join(f.looks_for for f in _formats())
+    raise InputError(f"{source}: holds no recording. Looked for: {looked_for}")
+
+
+def _formats() -> Iterator[Format]:
+    for target in FORMATS.values():
+        module, _, name = target.partition(":")
+        yield getattr(importlib.import_module(module), name)
+    for entry_point in entry_points(group=ENTRY_POINTS):
+        yield entry_point.load()
