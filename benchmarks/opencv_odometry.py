@@ -2,8 +2,8 @@
 """The yardstick: stereo odometry as one would glue it together from OpenCV's parts.
 
 Rectify, Harris points, SIFT descriptors at them, matches along the epipolar line and from the
-previous pair, space intersection, PnP with RANSAC, refinement. No window, no map. It is kept as good
-as its parts allow, because a weak yardstick would flatter Pilotage.
+previous pair, space intersection, PnP with RANSAC, refinement. No window, no map. It is kept as
+good as its parts allow, because a weak yardstick would flatter Pilotage.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class OpencvConfig:
 
 @dataclass
 class _Pair:
-    """Left points with what is known of them: pixels (N, 2), descriptors (N, 128), points (N, 3)."""
+    """Left points and what is known of them: pixels (N, 2), descriptors (N, 128), points (N, 3)."""
 
     pixels: Array
     descriptors: Array
@@ -186,7 +186,7 @@ def _camera_matrix(camera: Any) -> Array:
 
 
 def _rectification(rig: Any) -> tuple[Any, Array, Array]:
-    """Return (maps or None, left (3, 4), right (3, 4)): maps (x, y) a side, projections in pixels."""
+    """Return maps (x, y) a side or None, then the projections (3, 4) of left and right, pixels."""
     left_matrix, right_matrix = _camera_matrix(rig.left), _camera_matrix(rig.right)
     right_from_left = np.asarray(rig.right_from_left.matrix(), float)
     left_lens, right_lens = (np.asarray(c.coefficients, float) for c in (rig.left, rig.right))
