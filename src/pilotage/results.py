@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pilotage.atomic_files import produce_atomically, write_atomically, write_error
+from pilotage.atomic_files import LineFile, produce_atomically, write_atomically
 from pilotage.errors import InputError, RunError
 from pilotage.pose_files import (
     PoseRecord,
@@ -56,7 +56,7 @@ class ResultsFolder:
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
         self.path = path
         self._overwrite = overwrite
-        self._live: dict[str, IO[str]] = {}
+        self._live: dict[str, LineFile] = {}
 
     def __enter__(self) -> Self:
         self._check_free()
@@ -69,8 +69,8 @@ class ResultsFolder:
         # Marks the folder as ours from the first moment on, and as unfinished should we be killed.
         self.write_summary({"state": "running"})
         for name in (POSES_LIVE, TUM_LIVE):
-            self._live[name] = self._open_live(self.path / name)
-        self._append(POSES_LIVE, csv_header())
+            self._live[name] = LineFile(self.path / name)
+        self._live[POSES_LIVE].append(csv_header())
         return self
 
     def __exit__(
@@ -79,18 +79,14 @@ class ResultsFolder:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        for name, file in self._live.items():
-            try:
-                file.close()
-            except OSError as close_error:
-                if error is None:
-                    raise write_error(self.path / name, close_error) from close_error
+        for file in self._live.values():
+            file.close()
         self._live = {}
 
     def append_live(self, record: PoseRecord) -> None:
         """Add a pair, as known at this moment, to the live files; they are readable at any time."""
-        self._append(POSES_LIVE, csv_line(record))
-        self._append(TUM_LIVE, tum_line(record))
+        self._live[POSES_LIVE].append(csv_line(record))
+        self._live[TUM_LIVE].append(tum_line(record))
 
     def write_trajectory(self, records: Iterable[PoseRecord]) -> None:
         """Write the adjusted trajectory in its three formats."""
@@ -119,7 +115,7 @@ class ResultsFolder:
         """Write the calibration the run used, so that it can be given to --calibration."""
         from pilotage.calibration.files import save_rig
 
-        produce_atomically(self.path / CALIBRATION, lambda path: save_rig(path, rig))
+        produce_atomically(self.path / CALIBRATION, lambda path: save_rig(rig, path))
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write summary.json; NaN becomes null, for JSON has none."""
@@ -138,19 +134,6 @@ class ResultsFolder:
             raise InputError(
                 f"{self.path} holds earlier results; choose another folder or give --overwrite"
             )
-
-    def _open_live(self, path: Path) -> IO[str]:
-        try:
-            # Line buffered: a killed run loses no finished line.
-            return path.open("w", buffering=1, encoding="utf-8", newline="\n")
-        except OSError as error:
-            raise write_error(path, error) from error
-
-    def _append(self, name: str, line: str) -> None:
-        try:
-            self._live[name].write(line)
-        except OSError as error:
-            raise write_error(self.path / name, error) from error
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pilotage.behaviors.summary import Cost, name_of, settle, summarize
 from pilotage.errors import InputError, RunError
 from pilotage.pose_files import PoseRecord
-from pilotage.recordings.recording import BadFrame, Frames, Recording, StereoFrame
+from pilotage.recordings.recording import BadFrame, Recording, StereoFrame
 from pilotage.results import ResultsFolder
 
 if TYPE_CHECKING:
@@ -65,14 +65,14 @@ def localize(  # noqa: PLR0913, all by name
     with ResultsFolder(out, overwrite=overwrite) as folder:
         folder.write_config(config.to_dict())
         folder.write_calibration(recording.rig)
-        run, frames = _Run(recording, odometry, folder, chosen), recording.frames()
-        start = Cost.now(frames)
+        run = _Run(recording, odometry, folder, chosen)
+        start = Cost.now(recording)
         error: BaseException | None = None
         try:
-            run.track(frames, on_pair)
+            run.track(on_pair)
         except (Exception, KeyboardInterrupt) as caught:
             error = caught
-        summary = run.save(Cost.now(frames).since(start), error)
+        summary = run.save(Cost.now(recording).since(start), error)
     if error is not None and not isinstance(error, KeyboardInterrupt):
         raise error
     return summary
@@ -89,9 +89,9 @@ class _Run:
     indices: list[int] = field(default_factory=list)
     skipped: list[BadFrame] = field(default_factory=list)
 
-    def track(self, frames: Frames, on_pair: OnPair | None) -> None:
+    def track(self, on_pair: OnPair | None) -> None:
         """Give the chosen pairs to the odometry, one after the other."""
-        for frame in frames:
+        for frame in self.recording.frames():
             if frame.index >= self.chosen.stop:
                 return
             if frame.index not in self.chosen:

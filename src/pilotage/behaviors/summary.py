@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pilotage import __version__
+from pilotage.evaluation.verdict import calibration_words
 from pilotage.pose_files import PoseRecord
 from pilotage.provenance import program_commit
 from pilotage.reasons import reason_remedy, reason_words
 
 if TYPE_CHECKING:
     from pilotage import CalibrationCheck, StereoOdometry
-    from pilotage.recordings.recording import BadFrame, Frames, Recording
+    from pilotage.recordings.recording import BadFrame, Recording
 
 # More unreadable pairs than this are counted but not listed.
 LISTED_PAIRS = 100
@@ -33,9 +34,9 @@ class Cost:
     wall_s: float
 
     @staticmethod
-    def now(frames: Frames) -> Cost:
+    def now(recording: Recording) -> Cost:
         """Return what has been spent up to this moment."""
-        return Cost(time.process_time(), frames.decode_cpu_s, time.perf_counter())
+        return Cost(time.process_time(), recording.decode_cpu_s, time.perf_counter())
 
     def since(self, start: Cost) -> Cost:
         """Return what was spent after `start`."""
@@ -132,23 +133,15 @@ def path_length_m(records: Sequence[PoseRecord]) -> float:
 
 def describe_calibration(check: CalibrationCheck) -> dict[str, Any]:
     """Return the calibration check with the size and the significance of what it found."""
-    return {
-        "verdict": name_of(check.verdict),
-        "message": check.message,
-        "right_x_offset_px": check.right_x_offset_px,
-        "right_x_offset_sigma_px": check.right_x_offset_sigma_px,
-        "right_x_offset_significance": significance(
-            check.right_x_offset_px, check.right_x_offset_sigma_px
-        ),
-        "y_parallax_px": check.y_parallax_px,
-        "y_parallax_sigma_px": check.y_parallax_sigma_px,
-        "y_parallax_significance": significance(check.y_parallax_px, check.y_parallax_sigma_px),
-    }
-
-
-def significance(value: float, sigma: float) -> float | None:
-    """Return the size in standard errors; None where the error is unknown."""
-    return abs(value) / sigma if sigma > 0 else None
+    found: dict[str, Any] = {"verdict": name_of(check.verdict)}
+    for name in ("right_x_offset", "y_parallax"):
+        value, sigma = getattr(check, f"{name}_px"), getattr(check, f"{name}_sigma_px")
+        found |= {
+            f"{name}_px": value,
+            f"{name}_sigma_px": sigma,
+            f"{name}_significance": abs(value) / sigma if sigma > 0 else None,
+        }
+    return {**found, "message": calibration_words(found)}
 
 
 def warnings_of(summary: dict[str, Any]) -> list[str]:
@@ -156,8 +149,7 @@ def warnings_of(summary: dict[str, Any]) -> list[str]:
     warnings = []
     check = summary["calibration_check"]
     if check["verdict"] == "inconsistent":
-        remedy = reason_remedy("calibration_does_not_fit")
-        warnings.append(f"The scale cannot be trusted: {check['message'].rstrip('.')}. {remedy}")
+        warnings.append(f"The scale cannot be trusted. {check['message']}")
     if summary["state"] != "finished":
         told = f"The run was {summary['state']} after {summary['pairs']} pairs"
         warnings.append(f"{told}: {summary['error']}" if summary.get("error") else f"{told}.")

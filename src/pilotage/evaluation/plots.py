@@ -37,7 +37,8 @@ STYLE = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "lines.linewidth": 1.4,
-    "legend.frameon": False,
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.85,
     "svg.hashsalt": "pilotage",
     "svg.fonttype": "path",
 }

@@ -46,7 +46,8 @@ h2 { font-size: 17px; margin: 28px 0 10px; }
   margin-top: 12px; }
 .numbers b { display: block; font-size: 20px; font-weight: 600; }
 .numbers span { color: #555; font-size: 13px; }
-.figures { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 12px; }
+.figures { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 12px;
+  align-items: start; }
 .figures .wide { grid-column: 1 / -1; }
 figure { margin: 0; }
 svg { display: block; width: 100%; height: auto; }
@@ -117,7 +118,7 @@ def _head(results: Results) -> str:
 def _verdict(summary: dict[str, Any]) -> str:
     failure = failure_words(summary)
     is_bad = failure is not None or summary["calibration_check"]["verdict"] == "inconsistent"
-    said = [tracking_words(summary), calibration_words(summary)]
+    said = [tracking_words(summary), calibration_words(summary["calibration_check"])]
     if failure is not None:
         said.insert(0, failure[0].upper() + failure[1:])
     paragraphs = "".join(f"<p>{escape(sentence)}</p>" for sentence in said)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,24 +77,20 @@ def _first_row(path: Path) -> list[str]:
 
 
 def find_body_from_left(*places: Path) -> Array | None:
-    """Return T_BS of the left camera, (4, 4), as found in or above `places`; None where none is."""
+    """Return where the left camera sits on the recording's body, (4, 4), None where nothing says.
+
+    Asked are the calibrations in `places` and up to three folders above each.
+    """
+    from pilotage.calibration.files import load_body_from_left
+
     for place in places:
         for folder in [place, *list(place.absolute().parents)[:3]]:
-            for name in ("mav0/cam0/sensor.yaml", "cam0/sensor.yaml", "cam0_sensor.yaml"):
-                sensor = folder / name
-                if sensor.is_file():
-                    return _body_from_sensor(sensor)
+            # What lies further up may be any file: one that cannot be read says nothing.
+            with contextlib.suppress(InputError, OSError):
+                body_from_left = load_body_from_left(folder) if folder.is_dir() else None
+                if body_from_left is not None:
+                    return body_from_left
     return None
-
-
-def _body_from_sensor(path: Path) -> Array | None:
-    import yaml
-
-    try:
-        content = yaml.safe_load(read_text(path))
-        return np.array(content["T_BS"]["data"], dtype=np.float64).reshape(4, 4)
-    except (yaml.YAMLError, KeyError, TypeError, ValueError):
-        return None
 
 
 def _truth_of_folder(path: Path) -> TruthPoses:

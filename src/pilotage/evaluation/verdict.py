@@ -34,9 +34,8 @@ def length_words(summary: Mapping[str, Any]) -> str:
     return f"{length_m:.1f} m" if length_m >= 10 else f"{length_m:.3f} m"
 
 
-def calibration_words(summary: Mapping[str, Any]) -> str:
+def calibration_words(check: Mapping[str, Any]) -> str:
     """Return what the pictures say of the calibration, its size, significance and remedy."""
-    check = summary["calibration_check"]
     verdict = check["verdict"]
     if verdict == "consistent":
         return f"The calibration fits the pictures: {_found(check)}."
@@ -61,7 +60,7 @@ def _found(check: Mapping[str, Any]) -> str:
             continue
         times = "" if errors is None else f" ({errors:.1f} standard errors)"
         parts.append(f"{said} {value:+.3f} ± {sigma:.3f} px{times}")
-    return " and ".join(parts) if parts else check["message"].rstrip(".")
+    return " and ".join(parts)
 
 
 def failure_words(summary: Mapping[str, Any]) -> str | None:
