@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmarks in small: they run, their figures are sane, their judgement is right."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic import SyntheticRecording
+
+BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
+sys.path.insert(0, str(BENCHMARKS))
+
+from judge import Goal, judge  # noqa: E402
+from memory import slope_kb_per_pair, there_and_back  # noqa: E402
+from odometry import costs, goal_rows, with_ratio  # noqa: E402
+from tables import markdown_table, number  # noqa: E402
+
+
+def run_benchmark(script: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(BENCHMARKS / script), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def a_run(poses: np.ndarray, covariance: np.ndarray | None = None) -> dict[str, Any]:
+    count = len(poses)
+    covariances = np.full((count, 6, 6), np.nan)
+    if covariance is not None:
+        covariances[:] = covariance
+    lost = ~np.isfinite(poses).all(axis=(1, 2))
+    status = np.where(lost, "lost", "tracking")
+    columns = {"poses": poses, "covariances": covariances, "status": status}
+    columns["segment"] = np.zeros(count, int)
+    run = {f"{when}_{key}": value for when in ("live", "final") for key, value in columns.items()}
+    return {**run, "check": np.array("{}")}
+
+
+def straight_path(count: int, step_m: float) -> np.ndarray:
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, 2, 3] = step_m * np.arange(count)
+    return poses
+
+
+@pytest.mark.parametrize("layout", ["synthetic_kitti", "synthetic_euroc"])
+def test_odometry_compares_both_systems(
+    layout: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    recording: SyntheticRecording = request.getfixturevalue(layout)
+    out = tmp_path / "figures.json"
+    done = run_benchmark("odometry.py", recording.path, "--limit", 8, "--repeats", 1, "--json", out)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(out.read_text())
+    assert [row["system"] for row in rows] == ["pilotage-patch", "opencv"]
+    way_m = float(np.linalg.norm(recording.world_from_left[7, :3, 3]))
+    for row in rows:
+        assert row["pairs"] == 8
+        assert row["lost"] == 0
+        assert row["ate_m"] < 0.02 * way_m
+        assert row["cpu_ms"] > 0
+        assert row["peak_mb"] > 10
+    assert "OpenCV/this" in done.stdout
+    assert "| opencv" in done.stdout
+
+
+def test_odometry_refuses_what_is_no_recording(tmp_path: Path) -> None:
+    done = run_benchmark("odometry.py", tmp_path)
+    assert done.returncode == 2
+    assert str(tmp_path) in done.stderr
+
+
+def test_memory_reports_and_judges(synthetic_kitti: SyntheticRecording) -> None:
+    done = run_benchmark(
+        "memory.py", synthetic_kitti.path, "--pairs", 30, "--report-every", 10, "--system", "opencv"
+    )
+    assert done.returncode in (0, 1), done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()[:3]] == ["10", "20", "30"]
+    assert "kB a pair; peak" in done.stdout.splitlines()[-1]
+
+
+def test_runs_write_identical_bytes(synthetic_kitti: SyntheticRecording) -> None:
+    done = run_benchmark("determinism.py", synthetic_kitti.path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "identical bytes" in done.stdout
+
+
+def test_every_recording_runs_and_judges(
+    synthetic_kitti: SyntheticRecording, tmp_path: Path
+) -> None:
+    (tmp_path / "street").symlink_to(synthetic_kitti.path)
+    (tmp_path / "textures").mkdir()
+    table = tmp_path / "table.md"
+    done = run_benchmark("every_recording.py", tmp_path, "--markdown", table)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "| street" in table.read_text()
+    assert "- `textures`: not run" in table.read_text()
+
+
+def test_perfect_poses_are_judged_perfect() -> None:
+    truth = straight_path(30, 0.5)
+    figures = judge("street", a_run(truth, 1e-4 * np.eye(6)), truth)
+    assert figures["ate_m"] == pytest.approx(0, abs=1e-9)
+    assert figures["segment_percent"] == pytest.approx(0, abs=1e-6)
+    assert figures["scale"] == pytest.approx(1)
+    assert figures["steps_solved"] == 29
+    assert figures["confidently_wrong"] == 0
+
+
+def test_a_wrong_scale_with_small_covariance_is_confidently_wrong() -> None:
+    truth = straight_path(30, 0.5)
+    estimate = straight_path(30, 0.55)
+    figures = judge("street", a_run(estimate, 1e-6 * np.eye(6)), truth)
+    assert figures["scale"] == pytest.approx(1.1)
+    assert figures["segment_percent"] == pytest.approx(10, rel=0.1)
+    assert figures["confidently_wrong"] == 29
+    honest = judge("street", a_run(estimate, np.eye(6)), truth)
+    assert honest["confidently_wrong"] == 0
+
+
+def test_lost_pairs_cost_their_steps() -> None:
+    truth = straight_path(10, 0.5)
+    estimate = truth.copy()
+    estimate[4] = np.nan
+    figures = judge("street", a_run(estimate), truth)
+    assert figures["lost"] == 1
+    assert figures["steps_solved"] == 7
+    assert figures["steps_wrong"] == 0
+
+
+def test_a_jump_is_a_wrong_step() -> None:
+    truth = straight_path(10, 0.5)
+    estimate = truth.copy()
+    estimate[5:, 0, 3] += 1.0
+    figures = judge("street", a_run(estimate), truth)
+    assert figures["steps_wrong"] == 1
+    assert figures["step_max_m"] == pytest.approx(1.0)
+
+
+def test_zed_steps_are_held_against_100_mm() -> None:
+    figures = judge("zed_steps", a_run(straight_path(8, 0.103)), None)
+    assert figures["step_max_m"] == pytest.approx(0.003)
+    assert figures["steps_solved"] == 7
+
+
+def test_goals_tell_pass_miss_and_unmeasured() -> None:
+    goal = Goal("kitti_a", "ate_m", "<=", 0.045)
+    assert goal.is_met({"ate_m": 0.04}) is True
+    assert goal.is_met({"ate_m": 0.05}) is False
+    assert goal.is_met({"ate_m": math.nan}) is None
+    row = {"recording": "kitti_a", "name": "kitti_a", "every": 1, "system": "pilotage-patch"}
+    verdicts = {line[2]: line[5] for line in goal_rows([{**row, "ate_m": 0.05, "cpu_ms": 9.0}])}
+    assert verdicts["ate_m"] == "MISS"
+    assert verdicts["cpu_ms"] == "PASS"
+    assert verdicts["peak_mb"] == "not measured"
+    assert goal_rows([{**row, "system": "opencv"}]) == []
+
+
+def test_costs_take_the_least_time_and_the_largest_memory() -> None:
+    runs = [
+        {"costs_ms": np.full((4, 2), ms), "finish_cpu_ms": ms, "peak_mb": ms} for ms in (8.0, 5.0)
+    ]
+    figures = costs(runs)
+    assert figures["cpu_ms"] == 5
+    assert figures["finish_cpu_ms"] == 5
+    assert figures["peak_mb"] == 8
+
+
+def test_ratio_is_opencv_over_the_other() -> None:
+    rows = with_ratio([{"system": "pilotage-patch", "cpu_ms": 10.0},
+                       {"system": "opencv", "cpu_ms": 90.0}])  # fmt: skip
+    assert rows[0]["cpu_ratio"] == 9
+    assert "cpu_ratio" not in rows[1]
+
+
+def test_replay_turns_round_without_standing_still() -> None:
+    assert list(there_and_back(4, 9)) == [0, 1, 2, 3, 2, 1, 0, 1, 2]
+    assert list(there_and_back(1, 3)) == [0, 0, 0]
+
+
+def test_slope_ignores_the_start_and_finds_growth() -> None:
+    warm_up = [(0, 10.0), (500, 60.0), (1000, 80.0), (1500, 80.0), (2000, 80.0)]
+    assert slope_kb_per_pair(warm_up) == pytest.approx(0, abs=1e-9)
+    growing = [(i, 50 + i / 1024 * 2) for i in range(0, 2000, 100)]
+    assert slope_kb_per_pair(growing) == pytest.approx(2)
+
+
+def test_tables_align_and_leave_out_empty_columns() -> None:
+    assert markdown_table(["a", "b", "c"], [["1", "", "22"], ["333", "", "4"]]) == (
+        "| a   | c  |\n|-----|----|\n| 1   | 22 |\n| 333 | 4  |"
+    )
+    assert [number(v) for v in (7.0, 0.012345, math.nan, 1234.56)] == ["7", "0.01235", "", "1235"]
