@@ -56,15 +56,16 @@ Eigen::Vector4d quaternion_wxyz(const Transform& t) {
   return {t.rotation.w(), t.rotation.x(), t.rotation.y(), t.rotation.z()};
 }
 
-void make_transform(Transform* self, const Eigen::Vector3d& translation_m,
-                    const Eigen::Vector4d& wxyz) {
-  if (!translation_m.allFinite()) throw std::invalid_argument("translation_m is not finite");
-  if (!(std::abs(wxyz.norm() - 1) < 1e-3)) {
-    throw std::invalid_argument("quaternion_wxyz has length " + std::to_string(wxyz.norm()) +
+void make_transform(Transform* self, const std::array<double, 3>& translation_m,
+                    const std::array<double, 4>& wxyz) {
+  const Eigen::Vector3d translation(translation_m.data());
+  const Eigen::Quaterniond rotation(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+  if (!translation.allFinite()) throw std::invalid_argument("translation_m is not finite");
+  if (!(std::abs(rotation.norm() - 1) < 1e-3)) {
+    throw std::invalid_argument("quaternion_wxyz has length " + std::to_string(rotation.norm()) +
                                 ", must be 1");
   }
-  const Eigen::Quaterniond rotation(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
-  new (self) Transform{rotation.normalized(), translation_m};
+  new (self) Transform{rotation.normalized(), translation};
 }
 
 Transform transform_from_matrix(const Eigen::Matrix4d& matrix) {
@@ -95,8 +96,9 @@ void bind_transform(nb::module_& m) {
   nb::class_<Transform>(m, "Transform",
                         "Rigid transform; a variable `b_from_a` maps coordinates: point_in_b = "
                         "b_from_a @ point_in_a.")
-      .def("__init__", &make_transform, nb::kw_only(), "translation_m"_a = Eigen::Vector3d(0, 0, 0),
-           "quaternion_wxyz"_a = Eigen::Vector4d(1, 0, 0, 0),
+      .def("__init__", &make_transform, nb::kw_only(),
+           "translation_m"_a = std::array<double, 3>{0, 0, 0},
+           "quaternion_wxyz"_a = std::array<double, 4>{1, 0, 0, 0},
            "Translation (3,) in metres and unit quaternion (4,), w first; identity by default.")
       .def_static("from_matrix", &transform_from_matrix, "matrix"_a,
                   "From a (4, 4) matrix; ValueError unless its rotation is one.")
@@ -274,8 +276,8 @@ void bind_rectified(nb::module_& m) {
           [](Rectifier* self, const StereoRig& rig, const std::string& interpolation) {
             new (self) Rectifier(rig, choose("interpolation", interpolation, interpolations));
           },
-          nb::kw_only(), "rig"_a, "interpolation"_a = "bilinear",
-          "interpolation: 'bilinear' or 'cubic' (Catmull-Rom).")
+          nb::kw_only(), "rig"_a, "interpolation"_a = "cubic",
+          "interpolation: 'bilinear' or 'cubic' (four neighbours each way, half of the shift).")
       .def_prop_ro("stereo", &Rectifier::stereo)
       .def_prop_ro(
           "rectified_from_left",

@@ -18,7 +18,7 @@ enum class Side { left, right };
 class Rectifier {
  public:
   /// Throws std::invalid_argument when the rig is not a usable pair.
-  explicit Rectifier(const StereoRig& rig, Interpolation interpolation = Interpolation::bilinear);
+  explicit Rectifier(const StereoRig& rig, Interpolation interpolation = Interpolation::cubic);
 
   const RectifiedStereo& stereo() const { return stereo_; }
   /// Rotation that takes coordinates of the real left camera to those of the ideal one.

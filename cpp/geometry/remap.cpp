@@ -80,17 +80,18 @@ PILOTAGE_KERNEL void blend_linear(const Block& block, int count, std::uint8_t* t
   }
 }
 
-/// Catmull-Rom weights of the neighbours at -1, 0, 1, 2 for the phase t.
+/// Lagrange weights of the neighbours at -1, 0, 1, 2 for the phase t: exact for cubic polynomials,
+/// hence with the least shift of detail (Catmull-Rom shifts it as much as bilinear does).
 template <typename T>
 struct CubicWeights {
   T w0, w1, w2, w3;
 };
 template <typename T>
 PILOTAGE_INLINE CubicWeights<T> cubic_weights(const T& t) {
-  const T u = 1.0f - t;
-  const T w0 = -0.5f * (t * (u * u)), w3 = -0.5f * (u * (t * t));
+  const T u = 1.0f - t, third = (t * u) * (1.0f / 6.0f);
+  const T w0 = -third * (1.0f + u), w3 = -third * (1.0f + t);
   const T w1 = u - 2.0f * w0 + w3;
-  return {w0, w1, 1.0f - w0 - w1 - w3, w3};
+  return {w0, w1, t - 2.0f * w3 + w0, w3};
 }
 
 PILOTAGE_INLINE Floats cubic_row(const Ints& taps, const CubicWeights<Floats>& w) {

@@ -11,8 +11,8 @@
 namespace pilotage {
 
 enum class Interpolation {
-  bilinear,  ///< 2x2 pixels; blurs by an amount that depends on the sub-pixel phase
-  cubic,     ///< 4x4 pixels (Catmull-Rom, Keys 1981), keeps detail
+  bilinear,  ///< 2x2 pixels: shifts and blurs detail by an amount that depends on the phase
+  cubic,     ///< 4x4 pixels (Lagrange): about half of the disparity error of bilinear, see docs
 };
 
 /// Resamples a picture through a fixed smooth map.

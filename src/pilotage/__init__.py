@@ -32,4 +32,4 @@ __all__ = [
 for _name in ("OdometryConfig", "OdometryResult", "Reason", "Status", "StereoOdometry"):
     if hasattr(_core, _name):
         globals()[_name] = getattr(_core, _name)
-        __all__ += [_name]
+        __all__.append(_name)
