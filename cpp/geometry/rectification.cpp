@@ -14,7 +14,8 @@ namespace {
 // Half of the widest field an ideal picture is given: a pinhole spends more and more pixels on less
 // and less angle beyond.
 const double max_half_field = std::tan(55.0 * M_PI / 180.0);
-const double min_half_field = std::tan(2.0 * M_PI / 180.0);
+// A pair that shares less of its pictures than this, each way, is no stereo pair.
+constexpr double min_shared_part = 0.2;
 constexpr double unnoticeable_px = 1e-3;
 constexpr int samples_per_edge = 64;
 
@@ -86,13 +87,18 @@ Window common_window(const TurnedCamera& left, const TurnedCamera& right) {
   Window window;
   clip_to_picture(left, window);
   clip_to_picture(right, window);
-  const auto is_usable = [&] { return (window.high - window.low).minCoeff() > 2 * min_half_field; };
+  const Camera& camera = left.camera;
+  const auto is_usable = [&] {
+    const Eigen::Vector2d extent = window.high - window.low;
+    return extent.x() * camera.fx_px > min_shared_part * camera.width_px &&
+           extent.y() * camera.fy_px > min_shared_part * camera.height_px;
+  };
   while (is_usable() && !(sees_border(left, window) && sees_border(right, window))) {
     window.shrink(0.98);
   }
   if (!is_usable()) {
     throw std::invalid_argument(
-        "left and right camera share a field of view of less than 4 degrees: check the rotation of "
+        "left and right camera share less than a fifth of their pictures: check the rotation of "
         "right_from_left and the distortion coefficients");
   }
   return window;
