@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+
+#include "estimation/block_profile.hpp"
+#include "estimation/bundle_adjustment.hpp"
+
+namespace pilotage {
+
+/// A pose as the kernels read it.
+struct CameraPose {
+  double left_from_world[9];  ///< rotation by rows
+  double center[3];           ///< the left camera in the world
+
+  CameraPose() = default;
+  explicit CameraPose(const Transform& world_from_left) {
+    const Eigen::Matrix3d rotation = world_from_left.rotation.toRotationMatrix().transpose();
+    for (int i = 0; i < 9; ++i) left_from_world[i] = rotation(i / 3, i % 3);
+    for (int i = 0; i < 3; ++i) center[i] = world_from_left.translation[i];
+  }
+};
+
+/// Stereo model with the offset of the right picture at one moment.
+struct StereoModel {
+  double focal_px, cx_px, cy_px, cx_right_px, baseline_m;
+  double offset_derivative;  ///< 1 when the offset is an unknown, else 0
+
+  StereoModel(const RectifiedStereo& stereo, double right_x_offset_px, bool offset_is_free)
+      : focal_px(stereo.focal_px),
+        cx_px(stereo.cx_px),
+        cy_px(stereo.cy_px),
+        cx_right_px(stereo.cx_right_px + right_x_offset_px),
+        baseline_m(stereo.baseline_m),
+        offset_derivative(offset_is_free ? 1.0 : 0.0) {}
+};
+
+/// Nearer than this (or behind) a camera nothing is predicted.
+constexpr double kMinimumDepthM = 1e-3;
+/// Normalised residual length that stands for an observation that cannot be predicted.
+constexpr double kUnpredictable = 1e3;
+
+/// Residuals of one observation divided by their sigmas, and what the derivatives need of the way.
+struct Residual {
+  double value[3];        ///< left x, left y, right x (0 when there is none)
+  double inverse_left;    ///< 1 / sigma
+  double inverse_right;   ///< 0 when there is none
+  double from_center[3];  ///< point - centre, world axes
+  double ray[2];          ///< x / z, y / z in the left camera
+  double ray_right;       ///< (x - baseline) / z
+  double inverse_depth;   ///< 0 when the observation cannot be predicted
+
+  int components() const { return inverse_right > 0 ? 3 : 2; }
+  double squared_length() const {
+    return value[0] * value[0] + value[1] * value[1] + value[2] * value[2];
+  }
+  bool predictable() const { return inverse_depth > 0; }
+};
+
+PILOTAGE_INLINE Residual compute_residual(const StereoObservation& seen, const CameraPose& pose,
+                                          const double* point, const StereoModel& model) {
+  Residual r;
+  double p[3];
+  for (int i = 0; i < 3; ++i) r.from_center[i] = point[i] - pose.center[i];
+  for (int i = 0; i < 3; ++i) {
+    const double* row = pose.left_from_world + 3 * i;
+    p[i] = row[0] * r.from_center[0] + row[1] * r.from_center[1] + row[2] * r.from_center[2];
+  }
+  const bool has_right = std::isfinite(seen.right_x_px);
+  const bool usable = p[2] > kMinimumDepthM && std::isfinite(seen.left_x_px + seen.left_y_px);
+  r.inverse_left = 1.0 / seen.left_sigma_px;
+  r.inverse_right = has_right ? 1.0 / seen.right_sigma_px : 0.0;
+  r.inverse_depth = usable ? 1.0 / p[2] : 0.0;
+  r.ray[0] = p[0] * r.inverse_depth;
+  r.ray[1] = p[1] * r.inverse_depth;
+  r.ray_right = (p[0] - model.baseline_m) * r.inverse_depth;
+  r.value[0] = r.value[1] = r.value[2] = 0;
+  if (!usable) return r;
+  r.value[0] = (model.focal_px * r.ray[0] + model.cx_px - seen.left_x_px) * r.inverse_left;
+  r.value[1] = (model.focal_px * r.ray[1] + model.cy_px - seen.left_y_px) * r.inverse_left;
+  if (has_right) {
+    r.value[2] =
+        (model.focal_px * r.ray_right + model.cx_right_px - seen.right_x_px) * r.inverse_right;
+  }
+  return r;
+}
+
+/// One linearised observation: three residual rows. Lanes 0 to 5 are the derivative for the pose
+/// (its centre moves by rho, its axes turn by theta, world axes), lane 6 the residual, lane 7 the
+/// derivative for the offset. The derivative for the point is minus lanes 0 to 2: moving the point
+/// and moving the camera back are the same to a camera.
+struct alignas(64) LinearRows {
+  Row8 row[3];
+};
+
+/// All three rows times sqrt(weight).
+PILOTAGE_INLINE void linearize(const Residual& r, const CameraPose& pose, const StereoModel& model,
+                               double weight, LinearRows& rows) {
+  const double root = std::sqrt(weight);
+  const double left = root * model.focal_px * r.inverse_depth * r.inverse_left;
+  const double right = root * model.focal_px * r.inverse_depth * r.inverse_right;
+  const double scale[3] = {left, left, right};
+  const double slope[3] = {r.ray[0], r.ray[1], r.ray_right};
+  const double* depth_axis = pose.left_from_world + 6;
+  const double* w = r.from_center;
+  for (int k = 0; k < 3; ++k) {
+    const double* axis = pose.left_from_world + (k == 1 ? 3 : 0);
+    double j[3];
+    for (int i = 0; i < 3; ++i) j[i] = scale[k] * (axis[i] - slope[k] * depth_axis[i]);
+    rows.row[k] = Row8{-j[0],
+                       -j[1],
+                       -j[2],
+                       j[1] * w[2] - j[2] * w[1],
+                       j[2] * w[0] - j[0] * w[2],
+                       j[0] * w[1] - j[1] * w[0],
+                       root * r.value[k],
+                       k == 2 ? root * r.inverse_right * model.offset_derivative : 0.0};
+  }
+}
+
+/// Lanes 0 to 5 of `a`, lanes 6 and 7 of `b`.
+PILOTAGE_INLINE Row8 join(const Row8& a, const Row8& b) {
+#if defined(__clang__)
+  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 14, 15);
+#else
+  using Index8 = long long __attribute__((vector_size(64)));
+  return __builtin_shuffle(a, b, Index8{0, 1, 2, 3, 4, 5, 14, 15});
+#endif
+}
+
+PILOTAGE_INLINE double sum8(const Row8& a) {
+  return ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]));
+}
+
+/// Sum over the rows of (lanes 0 to 2) times (the row): what one observation says about its point.
+/// With V, g and h the point's Hessian, gradient and coupling with the offset, and W the coupling
+/// of pose and point, row i is (-W^T_i, ...) in lanes 0 to 5, whose first three are also V_i, then
+/// -g_i and -h_i.
+struct alignas(64) PointRows {
+  Row8 row[3] = {};
+};
+
+PILOTAGE_INLINE void add_point_rows(const LinearRows& rows, PointRows& sum) {
+  for (int i = 0; i < 3; ++i) {
+    for (int k = 0; k < 3; ++k) sum.row[i] += rows.row[k][i] * rows.row[k];
+  }
+}
+
+/// Lower Cholesky factor of a point's damped 3x3 Hessian. A direction without information (the
+/// depth of a point seen once by one camera) is left out: it neither moves nor passes anything on.
+struct PointFactor {
+  double l10, l20, l21;
+  double reciprocal[3];
+
+  PILOTAGE_INLINE PointFactor(const PointRows& v, double damping) {
+    const double grown = 1.0 + damping;
+    reciprocal[0] = inverse_root(v.row[0][0] * grown, v.row[0][0]);
+    l10 = v.row[1][0] * reciprocal[0];
+    l20 = v.row[2][0] * reciprocal[0];
+    reciprocal[1] = inverse_root(v.row[1][1] * grown - l10 * l10, v.row[1][1]);
+    l21 = (v.row[2][1] - l20 * l10) * reciprocal[1];
+    reciprocal[2] = inverse_root(v.row[2][2] * grown - l20 * l20 - l21 * l21, v.row[2][2]);
+  }
+  static PILOTAGE_INLINE double inverse_root(double pivot, double original) {
+    return pivot > 1e-12 * original ? 1.0 / std::sqrt(pivot) : 0.0;
+  }
+  /// L^-1 rows
+  PILOTAGE_INLINE PointRows solve(const PointRows& q) const {
+    PointRows z;
+    z.row[0] = q.row[0] * reciprocal[0];
+    z.row[1] = (q.row[1] - l10 * z.row[0]) * reciprocal[1];
+    z.row[2] = (q.row[2] - l20 * z.row[0] - l21 * z.row[1]) * reciprocal[2];
+    return z;
+  }
+  /// V^-1 b
+  PILOTAGE_INLINE void solve(const double (&b)[3], double (&x)[3]) const {
+    const double y0 = b[0] * reciprocal[0];
+    const double y1 = (b[1] - l10 * y0) * reciprocal[1];
+    const double y2 = (b[2] - l20 * y0 - l21 * y1) * reciprocal[2];
+    x[2] = y2 * reciprocal[2];
+    x[1] = (y1 - l21 * x[2]) * reciprocal[1];
+    x[0] = (y0 - l10 * x[1] - l20 * x[2]) * reciprocal[0];
+  }
+};
+
+}  // namespace pilotage

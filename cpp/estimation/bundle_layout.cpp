@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimation/bundle_layout.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+
+namespace pilotage {
+namespace {
+
+constexpr int kChunkPoints = 128;
+constexpr int kChunkObservations = 1024;
+/// Bounds the chunk's own reduced system (blocks grow with the square).
+constexpr int kChunkPoses = 48;
+
+void require(bool holds, const std::string& what) {
+  if (!holds) throw std::invalid_argument(what);
+}
+
+void check_prior(const PosePrior& prior, std::size_t frames) {
+  const Eigen::Index n = static_cast<Eigen::Index>(prior.world_from_left.size());
+  require(prior.world_from_left.size() <= frames, "prior has " + std::to_string(n) +
+                                                      " poses, more than the " +
+                                                      std::to_string(frames) + " of the problem");
+  require(prior.information.rows() == 6 * n && prior.information.cols() == 6 * n &&
+              prior.gradient.size() == 6 * n,
+          "prior information must be (6 n, 6 n) and its gradient (6 n) for n = " +
+              std::to_string(n) + " poses");
+}
+
+void check(const BundleProblem& problem) {
+  const std::size_t frames = problem.world_from_left.size();
+  require(problem.pose_is_fixed.size() == frames,
+          "pose_is_fixed has " + std::to_string(problem.pose_is_fixed.size()) + " entries for " +
+              std::to_string(frames) + " poses");
+  require(problem.stereo.focal_px > 0,
+          "stereo.focal_px must be > 0, got " + std::to_string(problem.stereo.focal_px));
+  const int points = static_cast<int>(problem.points_in_world.size());
+  int previous = 0;
+  for (const StereoObservation& seen : problem.observations) {
+    require(seen.frame >= 0 && seen.frame < static_cast<int>(frames),
+            "observation of frame " + std::to_string(seen.frame) + ", outside 0 to " +
+                std::to_string(static_cast<int>(frames) - 1));
+    require(seen.point >= previous && seen.point < points,
+            "observation of point " + std::to_string(seen.point) + " after point " +
+                std::to_string(previous) + ": must ascend and stay below " +
+                std::to_string(points));
+    require(seen.left_sigma_px > 0 && seen.right_sigma_px > 0,
+            "sigmas must be > 0 px, got " + std::to_string(seen.left_sigma_px) + " and " +
+                std::to_string(seen.right_sigma_px));
+    previous = seen.point;
+  }
+  if (problem.prior) check_prior(*problem.prior, frames);
+}
+
+std::vector<int> starts_of_points(const BundleProblem& problem) {
+  std::vector<int> start(problem.points_in_world.size() + 1, 0);
+  for (const StereoObservation& seen : problem.observations) ++start[seen.point + 1];
+  std::partial_sum(start.begin(), start.end(), start.begin());
+  return start;
+}
+
+/// Counting sort by first frame; points without observations are left out.
+std::vector<int> order_by_first_frame(const BundleProblem& problem, const std::vector<int>& start) {
+  const int points = static_cast<int>(problem.points_in_world.size());
+  std::vector<int> first(points), rank(problem.world_from_left.size() + 1, 0);
+  for (int p = 0; p < points; ++p) {
+    if (start[p] == start[p + 1]) continue;
+    const auto earlier = [](const StereoObservation& a, const StereoObservation& b) {
+      return a.frame < b.frame;
+    };
+    first[p] = std::min_element(problem.observations.begin() + start[p],
+                                problem.observations.begin() + start[p + 1], earlier)
+                   ->frame;
+    ++rank[first[p] + 1];
+  }
+  std::partial_sum(rank.begin(), rank.end(), rank.begin());
+  std::vector<int> order(rank.back());
+  for (int p = 0; p < points; ++p) {
+    if (start[p] < start[p + 1]) order[rank[first[p]]++] = p;
+  }
+  return order;
+}
+
+/// Puts points, taken in order, into chunks.
+class ChunkBuilder {
+ public:
+  ChunkBuilder(int free_poses, std::vector<PointChunk>& chunks)
+      : chunks_(chunks), is_in_chunk_(free_poses, 0) {}
+
+  void add(const std::vector<int>& poses, int observations) {
+    const auto added =
+        std::count_if(poses.begin(), poses.end(), [this](int pose) { return !is_in_chunk_[pose]; });
+    if (chunk_.end - chunk_.begin >= kChunkPoints ||
+        chunk_.observations + observations > kChunkObservations ||
+        static_cast<int>(chunk_.free_poses.size() + added) > kChunkPoses) {
+      close();
+    }
+    for (const int pose : poses) {
+      if (!is_in_chunk_[pose]) chunk_.free_poses.push_back(pose);
+      is_in_chunk_[pose] = 1;
+    }
+    ++chunk_.end;
+    chunk_.observations += observations;
+  }
+  void close() {
+    std::sort(chunk_.free_poses.begin(), chunk_.free_poses.end());
+    for (const int pose : chunk_.free_poses) is_in_chunk_[pose] = 0;
+    const int end = chunk_.end;
+    if (chunk_.begin < end) chunks_.push_back(std::move(chunk_));
+    chunk_ = PointChunk{end, end, 0, {}};
+  }
+
+ private:
+  std::vector<PointChunk>& chunks_;
+  std::vector<char> is_in_chunk_;
+  PointChunk chunk_;
+};
+
+}  // namespace
+
+BundleLayout::BundleLayout(const BundleProblem& problem) {
+  check(problem);
+  for (std::size_t f = 0; f < problem.world_from_left.size(); ++f) {
+    free_index.push_back(problem.pose_is_fixed[f] ? -1 : static_cast<int>(free_frames.size()));
+    if (!problem.pose_is_fixed[f]) free_frames.push_back(static_cast<int>(f));
+  }
+  point_start = starts_of_points(problem);
+  order = order_by_first_frame(problem, point_start);
+  first_row.resize(free_frames.size());
+  std::iota(first_row.begin(), first_row.end(), 0);
+
+  ChunkBuilder builder(static_cast<int>(free_frames.size()), chunks);
+  std::vector<int> poses;  // of one point
+  for (const int p : order) {
+    poses.clear();
+    for (int o = point_start[p]; o < point_start[p + 1]; ++o) {
+      const int pose = free_index[problem.observations[o].frame];
+      if (pose >= 0) poses.push_back(pose);
+    }
+    const int top = poses.empty() ? 0 : *std::min_element(poses.begin(), poses.end());
+    for (const int pose : poses) first_row[pose] = std::min(first_row[pose], top);
+    builder.add(poses, point_start[p + 1] - point_start[p]);
+  }
+  builder.close();
+  if (!problem.prior) return;
+  for (std::size_t f = 0; f < problem.prior->world_from_left.size(); ++f) {
+    if (free_index[f] >= 0) first_row[free_index[f]] = 0;
+  }
+}
+
+}  // namespace pilotage

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimation/bundle_statistics.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "estimation/bundle_kernels.hpp"
+#include "estimation/pose_prior.hpp"
+
+namespace pilotage {
+namespace {
+
+/// rho at knots 1/16 apart, from which Simpson's rule completes the way.
+class RobustCostTable {
+ public:
+  explicit RobustCostTable(RobustLoss loss) : loss_(loss) {
+    for (int i = 1; i <= kKnots; ++i) {
+      knots_[i] = knots_[i - 1] + integral((i - 1) * kStep, i * kStep);
+    }
+  }
+  double at(double normalised) const {
+    const int i = static_cast<int>(std::min(normalised / kStep, double{kKnots}));
+    return knots_[i] + integral(i * kStep, normalised);
+  }
+
+ private:
+  static constexpr int kKnots = 1024;
+  static constexpr double kStep = 1.0 / 16.0;
+
+  double influence(double x) const { return robust_weight(loss_, x, 100) * x; }
+  double integral(double from, double to) const {
+    return (to - from) / 6.0 *
+           (influence(from) + 4.0 * influence(0.5 * (from + to)) + influence(to));
+  }
+
+  RobustLoss loss_;
+  std::array<double, kKnots + 1> knots_{};
+};
+
+/// Median of absolute values; the order of `values` is lost.
+double median(std::vector<float>& values) {
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Unknowns that the observations determine: free poses, seen points, the offset.
+int count_unknowns(const BundleProblem& problem) {
+  const auto fixed = std::count(problem.pose_is_fixed.begin(), problem.pose_is_fixed.end(), 0);
+  int seen_points = 0, previous = -1;
+  for (const StereoObservation& seen : problem.observations) {
+    seen_points += seen.point != previous;
+    previous = seen.point;
+  }
+  return 6 * static_cast<int>(fixed) + 3 * seen_points + (problem.right_x_offset_is_free ? 1 : 0);
+}
+
+double sigma_from(std::vector<float>& components, int unknowns) {
+  if (components.empty()) return 1.0;
+  const double n = static_cast<double>(components.size());
+  const double redundancy = n > unknowns ? n / (n - unknowns) : 1.0;
+  return 1.4826 * median(components) * std::sqrt(redundancy);
+}
+
+}  // namespace
+
+double robust_cost(RobustLoss loss, double normalised) {
+  static const std::array<RobustCostTable, 6> tables{
+      RobustCostTable(RobustLoss::none),  RobustCostTable(RobustLoss::danish),
+      RobustCostTable(RobustLoss::huber), RobustCostTable(RobustLoss::cauchy),
+      RobustCostTable(RobustLoss::tukey), RobustCostTable(RobustLoss::geman_mcclure)};
+  return tables[static_cast<int>(loss)].at(normalised);
+}
+
+BundleStatistics compute_statistics(const BundleProblem& problem, RobustLoss loss) {
+  BundleStatistics statistics;
+  const std::vector<CameraPose> poses(problem.world_from_left.begin(),
+                                      problem.world_from_left.end());
+  const StereoModel model(problem.stereo, problem.right_x_offset_px, false);
+  std::vector<float> components;
+  components.reserve(3 * problem.observations.size());
+  statistics.normalised_residuals.reserve(problem.observations.size());
+  for (const StereoObservation& seen : problem.observations) {
+    const Residual r = compute_residual(seen, poses[seen.frame],
+                                        problem.points_in_world[seen.point].data(), model);
+    const double length = r.predictable() ? std::sqrt(r.squared_length()) : kUnpredictable;
+    statistics.normalised_residuals.push_back(static_cast<float>(length));
+    const int n = r.components();
+    statistics.cost += n * robust_cost(loss, length / std::sqrt(n));
+    for (int k = 0; k < n && r.predictable(); ++k) {
+      components.push_back(static_cast<float>(std::abs(r.value[k])));
+    }
+  }
+  statistics.residuals = static_cast<int>(components.size());
+  statistics.sigma0 = sigma_from(components, count_unknowns(problem));
+  if (problem.prior) statistics.cost += PriorTerm(*problem.prior).cost(problem.world_from_left);
+  return statistics;
+}
+
+}  // namespace pilotage
