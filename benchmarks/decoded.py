@@ -7,6 +7,7 @@ otherwise be counted as the odometry's.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,10 @@ import numpy.typing as npt
 from pilotage.recordings.recording import StereoFrame, open_recording
 
 Array = npt.NDArray[Any]
+# Where real recordings are looked for: $PILOTAGE_DATA, or shared/data beside the repository.
+DATA_FOLDER = Path(
+    os.environ.get("PILOTAGE_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")
+)
 CALIBRATIONS = Path(__file__).parent / "calibrations"
 
 
@@ -62,8 +67,13 @@ def load_pairs(path: Path) -> DecodedPairs:
 
 def open_for_benchmark(path: Path) -> Any:
     """Open a recording; where it brings no calibration, ours of the same name stands in."""
-    stand_in = CALIBRATIONS / f"{path.resolve().name}.yaml"
-    return open_recording(path, calibration=stand_in if stand_in.is_file() else None)
+    return open_recording(path, calibration=stand_in_calibration(path))
+
+
+def stand_in_calibration(recording: Path) -> Path | None:
+    """Return our calibration for a recording that brings none."""
+    file = CALIBRATIONS / f"{recording.resolve().name}.yaml"
+    return file if file.is_file() else None
 
 
 def decode(recording: Any, out: Path, every: int = 1, limit: int | None = None) -> DecodedPairs:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -21,17 +20,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from decoded import CALIBRATIONS
+from decoded import DATA_FOLDER, open_for_benchmark, stand_in_calibration
 from judge import judge, truth_at
 from one_pair import middlebury_figures
 from tables import markdown_table, number
 
 from pilotage.evaluation.truth import poses_of
 from pilotage.pose_files import PoseRecord, read_pose_table
-from pilotage.recordings.recording import open_recording
 from pilotage.results import POSES, POSES_LIVE, SUMMARY
 
-DEFAULT_FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data"
 SINGLE_CAMERA = "a single camera: reconstruction, not stereo odometry"
 NOT_STEREO = {
     "lund_door": SINGLE_CAMERA,
@@ -64,8 +61,8 @@ def localize_command(recording: Path, out: Path, settings: Sequence[str] = ()) -
     """Return the command that localizes a recording, with our calibration if it has none."""
     command = [sys.executable, "-m", "pilotage.cli.main", "localize", str(recording)]
     command += ["-o", str(out), "--no-report"]
-    stand_in = CALIBRATIONS / f"{recording.resolve().name}.yaml"
-    if stand_in.is_file():
+    stand_in = stand_in_calibration(recording)
+    if stand_in is not None:
         command += ["--calibration", str(stand_in)]
     for setting in settings:
         command += ["--set", setting]
@@ -91,8 +88,7 @@ def run_one(recording: Path, out: Path, settings: Sequence[str]) -> tuple[dict[s
 def figures_of_results(recording: Path, out: Path) -> dict[str, float]:
     """Judge a results folder by the recording's truth."""
     live, final = read_pose_table(out / POSES_LIVE), read_pose_table(out / POSES)
-    stand_in = CALIBRATIONS / f"{recording.resolve().name}.yaml"
-    opened = open_recording(recording, calibration=stand_in if stand_in.is_file() else None)
+    opened = open_for_benchmark(recording)
     truth = truth_at(opened, np.array([record.timestamp_ns for record in final]))
     run = {**_columns("live", live), **_columns("final", final), "check": np.array("{}")}
     return judge(recording.resolve().name, run, truth)
@@ -134,8 +130,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=summary, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    default = Path(os.environ.get("PILOTAGE_DATA", DEFAULT_FOLDER))
-    parser.add_argument("folder", type=Path, nargs="?", default=default, metavar="FOLDER")
+    parser.add_argument("folder", type=Path, nargs="?", default=DATA_FOLDER, metavar="FOLDER")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
     parser.add_argument("--markdown", type=Path, help="write the table to this file")
     arguments = parser.parse_args()

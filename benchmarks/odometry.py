@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compare Pilotage with a plain OpenCV pipeline on the same pictures in one run.
 
-    python benchmarks/odometry.py RECORDING... [--every N] [--front-end patch|paper|both]
+    python benchmarks/odometry.py [RECORDING...] [--every N] [--front-end patch|paper|both]
 
+Without RECORDING: every one in $PILOTAGE_DATA that has a goal, and each third pair where that has.
 Prints error, cost and memory of each system, their ratio, and which goals are reached. Times are
 the least of `--repeats` interleaved runs, each in a process of its own: what else runs on the
 machine only ever adds.
@@ -21,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from decoded import DecodedPairs, decode, open_for_benchmark
+from decoded import DATA_FOLDER, DecodedPairs, decode, open_for_benchmark
 from judge import GOALS, judge, truth_at
 from tables import markdown_table, number
 
@@ -160,7 +161,7 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=summary, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING")
+    parser.add_argument("recordings", type=Path, nargs="*", metavar="RECORDING")
     parser.add_argument("--every", type=int, default=1, help="take each n-th pair only")
     parser.add_argument("--front-end", choices=["patch", "paper", "both"], default="patch")
     parser.add_argument("--repeats", type=int, default=3, help="interleaved runs (default 3)")
@@ -169,17 +170,24 @@ def parse_arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def jobs(recordings: Sequence[Path], every: int) -> list[tuple[Path, int]]:
+    """Return which recordings to run, each with the n of every n-th pair."""
+    if recordings:
+        return [(path, every) for path in recordings]
+    return list(dict.fromkeys((DATA_FOLDER / goal.recording, goal.every) for goal in GOALS))
+
+
 def main() -> int:
     """Measure, print, and save; misses are told, not an error."""
     arguments = parse_arguments()
     rows: list[dict[str, Any]] = []
     try:
-        for path in arguments.recordings:
-            print(f"{path.name}: running", file=sys.stderr, flush=True)
+        for path, every in jobs(arguments.recordings, arguments.every):
+            print(f"{path.name} /{every}: running", file=sys.stderr, flush=True)
             rows += measure(
                 path,
                 chosen_systems(arguments.front_end),
-                every=arguments.every,
+                every=every,
                 repeats=arguments.repeats,
                 limit=arguments.limit,
             )
