@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimation/fundamental.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "estimation/epipolar.hpp"
+#include "estimation/homography.hpp"
+#include "estimation/ransac.hpp"
+
+namespace pilotage {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+
+constexpr int rejection_rounds = 6;
+/// Transfer errors carry the noise of both pictures in two coordinates: 99 % lie within 4.3 sigma.
+constexpr double plane_limit_sigma = 4.5;
+/// F counts only if it explains this part of the matches that one plane does not, and so many.
+constexpr double min_off_plane_share = 0.3;
+constexpr int min_off_plane = 10;
+
+class Search {
+ public:
+  Search(std::span<const Vector2d> points_a, std::span<const Vector2d> points_b,
+         const EpipolarOptions& options)
+      : points_a_(points_a),
+        points_b_(points_b),
+        options_(options),
+        matches_(points_a, points_b, options.threshold_px) {
+    check_.inlier.assign(points_a.size(), 1);
+  }
+
+  EpipolarCheck run(std::span<const float> qualities);
+
+ private:
+  bool find_fundamental(std::span<const float> qualities);
+  int weigh_within(double limit_px);
+  bool refine();
+  bool reject_repeatedly();
+  bool is_degenerate() const;
+  bool measure_paper();
+  double robust_sigma(std::vector<double>& magnitudes, double limit) const;
+  void conclude(const std::vector<double>& q, double limit);
+
+  std::span<const Vector2d> points_a_, points_b_;
+  const EpipolarOptions& options_;
+  EpipolarMatches matches_;
+  Matrix3d fundamental_;  ///< normalised coordinates
+  float best_cost_ = std::numeric_limits<float>::infinity();
+  std::vector<float> distances_px_, gradients2_, weights_;
+  EpipolarCheck check_;
+};
+
+/// Distances to `fundamental_`; weights of the least squares for those within the limit: divided by
+/// the gradient, algebraic errors become distances. Returns how many there are.
+int Search::weigh_within(double limit_px) {
+  sampson_distances(matches_, fundamental_, distances_px_, gradients2_);
+  weights_.assign(matches_.padded, 0.0F);
+  int count = 0;
+  for (int i = 0; i < matches_.count; ++i) {
+    if (!(std::abs(distances_px_[i]) <= limit_px)) continue;
+    weights_[i] = 1.0F / gradients2_[i];
+    ++count;
+  }
+  return count;
+}
+
+/// Local optimisation from the best F; keeps it if the cost falls.
+bool Search::refine() {
+  if (weigh_within(options_.threshold_px) < 9) return false;
+  const Matrix3d refined = fit_fundamental(matches_, weights_);
+  const float cost = sampson_cost(matches_, refined, best_cost_);
+  if (!(cost < best_cost_)) return false;
+  best_cost_ = cost;
+  fundamental_ = refined;
+  return true;
+}
+
+bool Search::find_fundamental(std::span<const float> qualities) {
+  Sampler sampler(matches_.count, 8, qualities, options_.seed);
+  int needed = options_.max_samples;
+  while (check_.iterations < needed) {
+    std::array<int, 8> sample;
+    sampler.draw(sample);
+    ++check_.iterations;
+    Matrix3d candidate;
+    if (!fundamental_from_eight(matches_, sample, candidate)) continue;
+    const float cost = sampson_cost(matches_, candidate, best_cost_);
+    if (!(cost < best_cost_)) continue;
+    best_cost_ = cost;
+    fundamental_ = candidate;
+    for (int i = 0; i < 3 && refine(); ++i) {
+    }
+    const double share = double(weigh_within(options_.threshold_px)) / matches_.count;
+    needed = required_samples(share, 8, options_.confidence, options_.max_samples);
+  }
+  return std::isfinite(best_cost_);
+}
+
+/// Sigma of those within `limit`, which blunders beyond it cannot inflate.
+double Search::robust_sigma(std::vector<double>& magnitudes, double limit) const {
+  const auto end = std::partition(magnitudes.begin(), magnitudes.end(),
+                                  [&](double magnitude) { return magnitude <= limit; });
+  return sigma_from_median(std::span(magnitudes.begin(), end));
+}
+
+/// Refits F to what is kept and rejects again until nothing changes; false if too few are left.
+bool Search::reject_repeatedly() {
+  double limit_px = options_.threshold_px;
+  int kept = weigh_within(limit_px);
+  for (int round = 0; round < rejection_rounds; ++round) {
+    if (kept < options_.min_inliers || kept < options_.min_inlier_share * matches_.count) {
+      return false;
+    }
+    fundamental_ = fit_fundamental(matches_, weights_);
+    sampson_distances(matches_, fundamental_, distances_px_, gradients2_);
+    std::vector<double> magnitudes(matches_.count);
+    for (int i = 0; i < matches_.count; ++i) magnitudes[i] = std::abs(distances_px_[i]);
+    check_.sigma = std::max(options_.min_sigma_px, robust_sigma(magnitudes, options_.threshold_px));
+    limit_px = std::min(options_.threshold_px, options_.rejection * check_.sigma);
+    const int before = kept;
+    kept = weigh_within(limit_px);
+    if (kept == before && round > 0) break;
+  }
+  conclude({distances_px_.begin(), distances_px_.begin() + matches_.count}, limit_px);
+  return true;
+}
+
+void Search::conclude(const std::vector<double>& q, double limit) {
+  double sum = 0;
+  int count = 0;
+  for (int i = 0; i < matches_.count; ++i) {
+    check_.inlier[i] = std::abs(q[i]) <= limit;
+    if (!check_.inlier[i]) continue;
+    sum += q[i] * q[i];
+    ++count;
+  }
+  check_.m_q = count > 0 ? std::sqrt(sum / count) : 0;
+}
+
+/// Planes, turns and standing still leave a family of F, whose members reject good matches at will.
+bool Search::is_degenerate() const {
+  const std::vector<char> on_plane =
+      dominant_plane(matches_, check_.inlier, plane_limit_sigma * check_.sigma, options_.seed + 1);
+  int off_plane = 0, explained = 0;
+  for (int i = 0; i < matches_.count; ++i) {
+    off_plane += !on_plane[i];
+    explained += !on_plane[i] && check_.inlier[i];
+  }
+  return explained < min_off_plane || explained < min_off_plane_share * off_plane;
+}
+
+/// The paper's q for the same F; false if f33 is as good as zero.
+bool Search::measure_paper() {
+  Matrix3d from_corner = Matrix3d::Identity();
+  from_corner(0, 2) = from_corner(1, 2) = -0.5;
+  const Matrix3d f = from_corner.transpose() * check_.fundamental * from_corner;
+  std::vector<double> q(matches_.count);
+  double gradients = 0;
+  for (int i = 0; i < matches_.count; ++i) {
+    const Eigen::Vector3d a = (points_a_[i].array() + 0.5).matrix().homogeneous();
+    const Eigen::Vector3d b = (points_b_[i].array() + 0.5).matrix().homogeneous();
+    q[i] = b.dot(f * a);
+    gradients += std::hypot((f * a).head<2>().norm(), (f.transpose() * b).head<2>().norm());
+  }
+  // Below what one pixel of parallax makes, f33 is noise, and dividing by it makes noise.
+  if (std::abs(f(2, 2)) < gradients / matches_.count) return false;
+  for (double& value : q) value /= f(2, 2);
+  std::vector<double> magnitudes;
+  for (int i = 0; i < matches_.count; ++i) {
+    if (std::abs(distances_px_[i]) <= options_.threshold_px) magnitudes.push_back(std::abs(q[i]));
+  }
+  check_.sigma = sigma_from_median(magnitudes);
+  check_.fundamental = f / f(2, 2);
+  conclude(q, options_.rejection * check_.sigma);
+  return true;
+}
+
+EpipolarCheck Search::run(std::span<const float> qualities) {
+  if (matches_.count < options_.min_inliers || !find_fundamental(qualities)) return check_;
+  check_.ok = reject_repeatedly();
+  if (!check_.ok) return check_;
+  check_.fundamental = matches_.to_pixels(fundamental_);
+  check_.degenerate = is_degenerate();
+  if (!check_.degenerate && options_.residual == EpipolarResidual::paper_f33) {
+    check_.degenerate = !measure_paper();
+  }
+  check_.ok = !check_.degenerate;
+  if (!check_.ok) check_.inlier.assign(matches_.count, 1);
+  return check_;
+}
+
+}  // namespace
+
+EpipolarCheck find_blunders(std::span<const Vector2d> points_a, std::span<const Vector2d> points_b,
+                            const EpipolarOptions& options, std::span<const float> qualities) {
+  const std::size_t count = points_a.size();
+  if (points_b.size() != count || (!qualities.empty() && qualities.size() != count)) {
+    throw std::invalid_argument(std::to_string(count) + " points in one picture, " +
+                                std::to_string(points_b.size()) + " in the other, " +
+                                std::to_string(qualities.size()) + " qualities");
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!points_a[i].allFinite() || !points_b[i].allFinite()) {
+      throw std::invalid_argument("match " + std::to_string(i) + " is not finite");
+    }
+  }
+  return Search(points_a, points_b, options).run(qualities);
+}
+
+}  // namespace pilotage

@@ -1,0 +1,338 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimation/resection.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace pilotage {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double nearest_depth_m = 1e-3;
+/// |v| that a Gaussian exceeds as rarely as one number exceeds 3 sigma, over 3: so that the
+/// constants of the robust losses keep their meaning for the length of 2 and of 3 residuals.
+constexpr double length_scale_2 = 1.1464514372571466;
+constexpr double length_scale_3 = 1.2541669926523020;
+/// Median of the length of 2 and of 3 standard Gaussians.
+constexpr double length_median_2 = 1.1774100225154749;
+constexpr double length_median_3 = 1.5381722544552022;
+constexpr double inlier_limit = 3.0;
+/// A step that moves the pose by less than this part of its standard error (squared) ends it.
+constexpr double converged_step2 = 1e-6;
+
+/// One point at one pose. residual and projection are whitened: multiplied by L^-1 with L L^T the
+/// covariance of the residual.
+struct Equation {
+  Vector3d point_in_camera;
+  Vector3d residual;
+  Matrix3d projection;    ///< d residual / d point_in_camera
+  double length = 0;      ///< |residual|
+  double squared_px = 0;  ///< squared length before whitening
+  double weight = 0;
+  int dimension = 0;  ///< 2 or 3; 0: not usable
+};
+
+/// L^-1 of the symmetric positive definite `covariance`.
+Matrix3d inverse_cholesky(const Matrix3d& covariance) {
+  const double a = 1.0 / std::sqrt(covariance(0, 0));
+  const double l10 = covariance(1, 0) * a, l20 = covariance(2, 0) * a;
+  const double b = 1.0 / std::sqrt(covariance(1, 1) - l10 * l10);
+  const double l21 = (covariance(2, 1) - l20 * l10) * b;
+  const double c = 1.0 / std::sqrt(covariance(2, 2) - l20 * l20 - l21 * l21);
+  const double i10 = -l10 * a * b;
+  Matrix3d inverse;
+  inverse << a, 0, 0, i10, b, 0, -(l20 * a + l21 * i10) * c, -l21 * b * c, c;
+  return inverse;
+}
+
+double length_scale(int dimension) { return dimension == 3 ? length_scale_3 : length_scale_2; }
+
+class Resection {
+ public:
+  Resection(std::span<const Vector3d> points, std::span<const StereoObservation> observations,
+            const RectifiedStereo& stereo, const ResectionOptions& options,
+            std::span<const Matrix3d> point_covariances,
+            const std::optional<PredictedPose>& predicted)
+      : points_(points),
+        observations_(observations),
+        stereo_(stereo),
+        options_(options),
+        point_covariances_(point_covariances),
+        predicted_(predicted),
+        equations_(points.size()) {}
+
+  ResectionResult run(const Transform& start);
+
+ private:
+  void linearise(const Transform& camera_from_world);
+  void whiten(Equation& equation, Vector3d sigma2, const Matrix3d& world_covariance) const;
+  void estimate_sigma();
+  void weigh(int iteration);
+  void accumulate();
+  void add_prediction(const Transform& camera_from_world);
+  double cost(const Transform& camera_from_world) const;
+  bool step(Transform& camera_from_world, double& damping, double& step2);
+  void classify(ResectionResult& result);
+  void finish(const Transform& camera_from_world, ResectionResult& result);
+
+  std::span<const Vector3d> points_;
+  std::span<const StereoObservation> observations_;
+  const RectifiedStereo& stereo_;
+  const ResectionOptions& options_;
+  std::span<const Matrix3d> point_covariances_;
+  const std::optional<PredictedPose>& predicted_;
+
+  std::vector<Equation> equations_;
+  std::vector<double> lengths_;
+  Matrix3d camera_from_world_rotation_;
+  int usable_ = 0;
+  double sigma0_ = 1;
+  Matrix6d normal_;
+  Vector6d gradient_;
+};
+
+void Resection::whiten(Equation& e, Vector3d sigma2, const Matrix3d& world_covariance) const {
+  const Matrix3d p = e.projection * camera_from_world_rotation_;
+  Matrix3d covariance = p * world_covariance * p.transpose();
+  covariance.diagonal() += sigma2;
+  const Matrix3d whitener = inverse_cholesky(covariance);
+  e.residual = whitener * e.residual;
+  e.projection = whitener * e.projection;
+}
+
+void Resection::linearise(const Transform& camera_from_world) {
+  camera_from_world_rotation_ = camera_from_world.rotation.toRotationMatrix();
+  const double f = stereo_.focal_px;
+  usable_ = 0;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const StereoObservation& seen = observations_[i];
+    Equation& e = equations_[i];
+    e.dimension = 0;
+    e.point_in_camera = camera_from_world_rotation_ * points_[i] + camera_from_world.translation;
+    const Vector3d& p = e.point_in_camera;
+    if (!(p.z() > nearest_depth_m)) continue;
+    const bool in_both = !std::isnan(seen.right_x_px);
+    const double g = f / p.z();
+    const double x = p.x() / p.z(), y = p.y() / p.z();
+    const double x_right = x - stereo_.baseline_m / p.z();
+    e.residual = {f * x + stereo_.cx_px - seen.left_x_px, f * y + stereo_.cy_px - seen.left_y_px,
+                  in_both ? f * x_right + stereo_.cx_right_px - seen.right_x_px : 0.0};
+    const double right = in_both ? g : 0.0;
+    e.projection << g, 0, -g * x, 0, g, -g * y, right, 0, -right * x_right;
+    e.squared_px = e.residual.squaredNorm();
+    const double left2 = double{seen.left_sigma_px} * seen.left_sigma_px;
+    const Vector3d sigma2(left2, left2, double{seen.right_sigma_px} * seen.right_sigma_px);
+    if (point_covariances_.empty()) {
+      const Vector3d inverse = sigma2.cwiseSqrt().cwiseInverse();
+      e.residual = inverse.cwiseProduct(e.residual);
+      e.projection = inverse.asDiagonal() * e.projection;
+    } else {
+      whiten(e, sigma2, point_covariances_[i]);
+    }
+    e.length = e.residual.norm();
+    if (!std::isfinite(e.length)) continue;
+    e.dimension = in_both ? 3 : 2;
+    ++usable_;
+  }
+}
+
+void Resection::estimate_sigma() {
+  lengths_.clear();
+  for (const Equation& e : equations_) {
+    if (e.dimension == 0) continue;
+    lengths_.push_back(e.length / (e.dimension == 3 ? length_median_3 : length_median_2));
+  }
+  const auto middle = lengths_.begin() + lengths_.size() / 2;
+  if (middle == lengths_.end()) return;
+  std::nth_element(lengths_.begin(), middle, lengths_.end());
+  sigma0_ = std::clamp(*middle, options_.min_sigma0, options_.max_sigma0);
+}
+
+void Resection::weigh(int iteration) {
+  for (Equation& e : equations_) {
+    e.weight = 0;
+    if (e.dimension == 0) continue;
+    const double normalised = e.length / (sigma0_ * length_scale(e.dimension));
+    e.weight = robust_weight(options_.loss, normalised, iteration) / (sigma0_ * sigma0_);
+  }
+}
+
+void Resection::accumulate() {
+  // Unknown is xi with world_from_camera * exp(xi): d point_in_camera = -[I, -[p]x] xi.
+  Matrix3d position = Matrix3d::Zero(), mixed = Matrix3d::Zero(), rotation = Matrix3d::Zero();
+  Vector3d force = Vector3d::Zero(), torque = Vector3d::Zero();
+  for (const Equation& e : equations_) {
+    if (!(e.weight > 0)) continue;
+    const Matrix3d k = cross_matrix(e.point_in_camera);
+    const Matrix3d b = e.weight * (e.projection.transpose() * e.projection);
+    const Matrix3d bk = b * k;
+    const Vector3d pull = e.weight * (e.projection.transpose() * e.residual);
+    position += b;
+    mixed += bk;
+    rotation.noalias() -= k * bk;
+    force += pull;
+    torque += e.point_in_camera.cross(pull);
+  }
+  normal_ << position, -mixed, -mixed.transpose(), rotation;
+  gradient_ << -force, -torque;
+}
+
+void Resection::add_prediction(const Transform& camera_from_world) {
+  if (!predicted_) return;
+  const Transform world_from_camera = camera_from_world.inverse();
+  const Vector6d d = transform_log(world_from_camera * predicted_->world_from_camera.inverse());
+  // log(exp(eta) D) = d + (I - ad(d)/2 + ad(d)^2/12) eta with eta = Ad(world_from_camera) xi.
+  Matrix6d ad = Matrix6d::Zero();
+  ad.topLeftCorner<3, 3>() = ad.bottomRightCorner<3, 3>() = cross_matrix(d.tail<3>());
+  ad.topRightCorner<3, 3>() = cross_matrix(d.head<3>());
+  const Matrix6d jacobian =
+      (Matrix6d::Identity() - 0.5 * ad + ad * ad / 12.0) * adjoint(world_from_camera);
+  normal_ += jacobian.transpose() * predicted_->information * jacobian;
+  gradient_ += jacobian.transpose() * (predicted_->information * d);
+}
+
+double Resection::cost(const Transform& camera_from_world) const {
+  double sum = 0;
+  for (const Equation& e : equations_) {
+    // A point that fell behind the camera costs what a hopeless blunder does.
+    sum += e.weight * (e.dimension == 0 ? 1e6 : e.length * e.length);
+  }
+  if (predicted_) {
+    const Vector6d d =
+        transform_log(camera_from_world.inverse() * predicted_->world_from_camera.inverse());
+    sum += d.dot(predicted_->information * d);
+  }
+  return sum;
+}
+
+/// One step from `camera_from_world`, damped until the weighted cost falls. `step2` is the squared
+/// step in standard errors. False if no step helps. The equations are left at the new pose.
+bool Resection::step(Transform& camera_from_world, double& damping, double& step2) {
+  const double before = cost(camera_from_world);
+  for (int attempt = 0; attempt < 8; ++attempt) {
+    Matrix6d damped = normal_;
+    damped.diagonal() *= 1 + damping;
+    const Eigen::LLT<Matrix6d> factor(damped);
+    if (factor.info() != Eigen::Success) return false;
+    const Vector6d xi = -factor.solve(gradient_);
+    if (!xi.allFinite()) return false;
+    const Transform moved = transform_exp(-xi) * camera_from_world;
+    linearise(moved);
+    step2 = xi.dot(normal_ * xi);
+    if (step2 < converged_step2 || cost(moved) <= before) {
+      camera_from_world = moved;
+      damping *= 0.1;
+      return true;
+    }
+    damping = std::max(1e-3, 10 * damping);
+  }
+  linearise(camera_from_world);
+  return false;
+}
+
+void Resection::classify(ResectionResult& result) {
+  double length2 = 0, squared_px = 0;
+  int equations = 0;
+  for (std::size_t i = 0; i < equations_.size(); ++i) {
+    Equation& e = equations_[i];
+    e.weight = 0;
+    if (e.dimension == 0 || e.length > inlier_limit * sigma0_ * length_scale(e.dimension)) continue;
+    e.weight = 1;
+    result.inlier[i] = 1;
+    ++result.inlier_count;
+    equations += e.dimension;
+    length2 += e.length * e.length;
+    squared_px += e.squared_px;
+  }
+  const int redundancy = equations - (predicted_ ? 0 : 6);
+  if (redundancy > 0) {
+    sigma0_ = std::clamp(std::sqrt(length2 / redundancy), options_.min_sigma0, options_.max_sigma0);
+  }
+  if (equations > 0) result.rms_px = std::sqrt(squared_px / equations);
+  for (Equation& e : equations_) e.weight /= sigma0_ * sigma0_;
+}
+
+void Resection::finish(const Transform& camera_from_world, ResectionResult& result) {
+  classify(result);
+  result.sigma0 = sigma0_;
+  accumulate();
+  add_prediction(camera_from_world);
+  // Scaled to a unit diagonal, or metres and radians alone would look ill-conditioned.
+  const Vector6d scale = normal_.diagonal().cwiseSqrt().cwiseInverse();
+  const Matrix6d scaled = scale.asDiagonal() * normal_ * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(scaled);
+  if (!scaled.allFinite() || eigen.eigenvalues()[0] < 1e-10) {
+    result.termination = Termination::numerical_failure;
+    return;
+  }
+  const Matrix6d to_world = adjoint(camera_from_world.inverse()) * scale.asDiagonal();
+  result.covariance = to_world * eigen.eigenvectors() *
+                      eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                      eigen.eigenvectors().transpose() * to_world.transpose();
+  result.camera_from_world = camera_from_world;
+}
+
+ResectionResult Resection::run(const Transform& start) {
+  ResectionResult result;
+  result.inlier.assign(points_.size(), 0);
+  Transform pose = start;
+  double damping = 0;
+  linearise(pose);
+  result.termination = Termination::iteration_limit;
+  // The Danish weights change for the last time in iteration 4.
+  const int first_end = options_.loss == RobustLoss::danish ? 4 : 2;
+  for (int iteration = 1; iteration <= options_.max_iterations; ++iteration) {
+    if (usable_ < 3 && !predicted_) {
+      result.termination = Termination::no_observations;
+      return result;
+    }
+    result.iterations = iteration;
+    estimate_sigma();
+    weigh(iteration);
+    accumulate();
+    add_prediction(pose);
+    double step2 = 0;
+    const bool stepped = step(pose, damping, step2);
+    if (iteration >= first_end && (!stepped || step2 < converged_step2)) {
+      // Without a step that helps, what is left must be below what matters.
+      result.termination =
+          stepped || step2 < 1e-2 ? Termination::converged : Termination::numerical_failure;
+      break;
+    }
+  }
+  if (result.termination == Termination::numerical_failure) return result;
+  estimate_sigma();
+  finish(pose, result);
+  return result;
+}
+
+void check_sizes(std::size_t points, std::size_t observations, std::size_t covariances) {
+  if (points != observations) {
+    throw std::invalid_argument(std::to_string(points) + " points but " +
+                                std::to_string(observations) + " observations");
+  }
+  if (covariances != 0 && covariances != points) {
+    throw std::invalid_argument(std::to_string(points) + " points but " +
+                                std::to_string(covariances) + " covariances of points");
+  }
+}
+
+}  // namespace
+
+ResectionResult resect(std::span<const Vector3d> points_in_world,
+                       std::span<const StereoObservation> observations,
+                       const RectifiedStereo& stereo, const Transform& camera_from_world,
+                       const ResectionOptions& options, std::span<const Matrix3d> point_covariances,
+                       const std::optional<PredictedPose>& predicted) {
+  check_sizes(points_in_world.size(), observations.size(), point_covariances.size());
+  return Resection(points_in_world, observations, stereo, options, point_covariances, predicted)
+      .run(camera_from_world);
+}
+
+}  // namespace pilotage
