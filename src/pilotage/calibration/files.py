@@ -41,8 +41,14 @@ def load_rig(
     `image_size_px` (width, height) fills in for styles that do not say it; `colour` chooses
     KITTI's P2 and P3. Raises InputError that names file, key, value and remedy.
     """
-    file = Path(path)
-    if _is_dir(file):
+    try:
+        return _load(Path(path), image_size_px, colour)
+    except (OSError, ValueError) as error:  # no permission, a name too long or with a zero byte
+        raise InputError(f"{str(path)!r}: cannot be read ({error}); check the path") from error
+
+
+def _load(file: Path, image_size_px: tuple[int, int] | None, colour: bool) -> StereoRig:
+    if file.is_dir():
         found = find_calibration(file)
         if found is None:
             raise InputError(
@@ -86,7 +92,7 @@ def find_calibration(folder: Path) -> Path | None:
 
 def load_body_from_left(path: Path) -> NDArray[np.float64] | None:
     """Return (4, 4) body_from_left of an EuRoC calibration; None for styles without a body."""
-    file = find_calibration(path) if _is_dir(path) else path
+    file = find_calibration(path) if path.is_dir() else path
     if file is None or file.suffix.lower() == ".txt":
         return None
     left = _two_cameras(read_documents(file))[0]
@@ -127,10 +133,3 @@ def _partner(file: Path, side: int) -> Path | None:
             if candidate.is_file():
                 return candidate
     return None
-
-
-def _is_dir(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except ValueError as error:  # an embedded zero byte
-        raise InputError(f"{str(path)!r}: no path ({error}); check it") from None

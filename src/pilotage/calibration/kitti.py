@@ -56,4 +56,4 @@ def _read_camera(
     camera = make_camera(Section(section.file, key, {}), size_px, intrinsics_px, Lens("none", ()))
     if np.abs(p[2, :3] - [0, 0, 1]).max() > 1e-9 or abs(p[0, 1]) > 1e-9 or abs(p[1, 0]) > 1e-9:
         raise section.fault(key, "must read fx 0 cx a  0 fy cy b  0 0 1 c; correct it")
-    return camera, np.linalg.solve(p[:, :3], p[:, 3])
+    return camera, np.asarray(np.linalg.solve(p[:, :3], p[:, 3]), np.float64)

@@ -31,8 +31,9 @@ NORM_TOLERANCE = 1e-3
 
 
 def is_own(section: Section) -> bool:
-    """Tell our own style by its keys."""
-    return "right_from_left" in section
+    """Tell our own style by its keys, one of them misspelt or not."""
+    left = section.values.get("left")
+    return "right_from_left" in section or (isinstance(left, dict) and "fx_px" in left)
 
 
 def read_own(section: Section) -> StereoRig:

@@ -19,11 +19,13 @@ class PictureError(Exception):
     """Why one picture cannot be used; becomes a BadFrame or an InputError."""
 
 
-def natural_key(file: Path) -> list[tuple[int, int, str]]:
+def natural_key(file: Path) -> tuple[list[tuple[int, int, str]], str]:
     """Return a key that sorts image2 before image10."""
+    # Every second part is a number; without leading zeros, longer means larger.
     parts = re.split(r"([0-9]+)", file.name)
-    # Leading zeros decide last, so that equal numbers keep a fixed order.
-    return [(len(p.lstrip("0")), 0, p) if p.isdecimal() else (0, 1, p) for p in parts]
+    digits = [part.lstrip("0") for part in parts]
+    words = [(0, len(d), d) if i % 2 else (1, 0, parts[i]) for i, d in enumerate(digits)]
+    return words, file.name
 
 
 def list_pictures(folder: Path) -> list[Path]:
@@ -77,7 +79,7 @@ def to_grey(picture: np.ndarray, file: Path) -> Grey:
     if channels not in (3, 4):
         raise PictureError(f"{file}: {channels} channels; 1, 3 or 4 are needed")
     code = cv2.COLOR_BGR2GRAY if channels == 3 else cv2.COLOR_BGRA2GRAY
-    return cv2.cvtColor(picture, code)
+    return np.asarray(cv2.cvtColor(picture, code), np.uint8)
 
 
 def _is_cut_short(data: bytes) -> bool:

@@ -18,7 +18,7 @@ from pilotage.recordings.truth import find_truth
 SUFFIXES = {".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v", ".mpg", ".mpeg", ".mjpeg", ".ogv"}
 CALIBRATION_SUFFIXES = (".yaml", ".yml")
 # One thread: the decoder's time can then be measured, and the order of pictures is fixed.
-PARAMETERS = [cv2.CAP_PROP_N_THREADS, 1, cv2.CAP_PROP_ORIENTATION_AUTO, 0]
+PARAMETERS = [cv2.CAP_PROP_N_THREADS, 1]
 
 
 class VideoRecording:
@@ -125,6 +125,7 @@ def _open(path: Path) -> cv2.VideoCapture:
         video = None
     if video is None or not video.isOpened():
         raise InputError(f"{path}: no video that can be decoded; convert it to MP4 or AVI")
+    video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return video
 
 
