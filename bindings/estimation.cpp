@@ -100,7 +100,7 @@ void bind_epipolar(nb::module_& m) {
           "fundamental", [](const EpipolarCheck& c) { return c.fundamental; },
           "(3, 3), b^T F a = 0 in pixels.")
       .def_prop_ro(
-          "inlier", [](const EpipolarCheck& c) { return mask(c.inlier); },
+          "inlier", [](const EpipolarCheck& c) { return mask(c.inlier); }, nb::rv_policy::automatic,
           "(N,) bool; all true unless ok.")
       .def_ro("m_q", &EpipolarCheck::m_q, "rms residual y-parallax of the inliers (pixels).")
       .def_ro("sigma", &EpipolarCheck::sigma)
@@ -150,7 +150,8 @@ void bind_pose_ransac(nb::module_& m) {
   nb::class_<PoseRansacResult>(m, "PoseRansacResult", "A pose found among gross errors, or none.")
       .def_ro("camera_from_points", &PoseRansacResult::camera_from_points)
       .def_prop_ro(
-          "inlier", [](const PoseRansacResult& r) { return mask(r.inlier); }, "(N,) bool.")
+          "inlier", [](const PoseRansacResult& r) { return mask(r.inlier); },
+          nb::rv_policy::automatic, "(N,) bool.")
       .def_ro("inlier_count", &PoseRansacResult::inlier_count)
       .def_ro("samples", &PoseRansacResult::samples);
   m.def(
@@ -210,7 +211,7 @@ void bind_resection_types(nb::module_& m) {
       .def_ro("inlier_count", &ResectionResult::inlier_count)
       .def_prop_ro(
           "inlier", [](const ResectionResult& r) { return mask(r.inlier); },
-          "(N,) bool, within 3 sigma.");
+          nb::rv_policy::automatic, "(N,) bool, within 3 sigma.");
 }
 
 void bind_resection(nb::module_& m) {
