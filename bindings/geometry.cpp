@@ -65,7 +65,9 @@ void make_transform(Transform* self, const std::array<double, 3>& translation_m,
     throw std::invalid_argument("quaternion_wxyz has length " + std::to_string(rotation.norm()) +
                                 ", must be 1");
   }
-  new (self) Transform{rotation.normalized(), translation};
+  // One of unit length up to rounding stays as it is: what was saved then loads exactly.
+  const bool is_unit = std::abs(rotation.squaredNorm() - 1) < 1e-14;
+  new (self) Transform{is_unit ? rotation : rotation.normalized(), translation};
 }
 
 Transform transform_from_matrix(const Eigen::Matrix4d& matrix) {

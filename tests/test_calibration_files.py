@@ -173,6 +173,23 @@ def test_own_style_round_trips_exactly(tmp_path: Path) -> None:
         np.testing.assert_array_equal(pose.quaternion_wxyz, wanted.quaternion_wxyz)
 
 
+def test_every_pose_round_trips_exactly(tmp_path: Path) -> None:
+    (tmp_path / "rig.yaml").write_text(OWN)
+    base = load_rig(tmp_path)
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        rotation = cv2.Rodrigues(rng.normal(0, 0.3, 3))[0]
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = rotation, rotation @ [-0.1, 0, 0]
+        pose = Transform.from_matrix(matrix)
+        save_rig(
+            StereoRig(left=base.left, right=base.right, right_from_left=pose), tmp_path / "a.yaml"
+        )
+        again = load_rig(tmp_path / "a.yaml").right_from_left
+        np.testing.assert_array_equal(again.quaternion_wxyz, pose.quaternion_wxyz)
+        np.testing.assert_array_equal(again.translation_m, pose.translation_m)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -84,7 +84,7 @@ def _read_camera(section: Section) -> Camera:
 def _read_transform(section: Section) -> Transform:
     section.refuse_unknown(TRANSFORM_KEYS)
     translation_m = section.numbers("translation_m", [3])
-    quaternion_wxyz = np.array(section.numbers("quaternion_wxyz", [4]))
+    quaternion_wxyz = section.numbers("quaternion_wxyz", [4])
     if abs(np.linalg.norm(quaternion_wxyz) - 1) > NORM_TOLERANCE:
         raise section.fault("quaternion_wxyz", "must have length 1; correct it")
     return Transform(translation_m=translation_m, quaternion_wxyz=quaternion_wxyz)
