@@ -60,7 +60,7 @@ struct CellWeights {
   }
 };
 
-void read_patch(const ImageView& image, int x, int y, int size, Patch& patch) {
+PILOTAGE_INLINE void read_patch(const ImageView& image, int x, int y, int size, Patch& patch) {
   const bool is_inside = x >= 0 && y >= 0 && x + size <= image.width && y + size <= image.height;
   for (int r = 0; r < size; ++r) {
     const std::uint8_t* row = image.row(std::clamp(y + r, 0, image.height - 1));
@@ -248,21 +248,29 @@ struct Workspace {
   Patch raw{}, scratch{}, smooth{}, turned{};
 };
 
-PILOTAGE_KERNEL void describe_upright(Workspace& work, Descriptor& descriptor) {
+PILOTAGE_KERNEL void describe_upright(const ImageView& image, int x, int y, Workspace& work,
+                                      Descriptor& descriptor) {
+  const int margin = work.weights.radius + 1 + smooth_radius;
+  read_patch(image, x - margin, y - margin, 2 * margin + 1, work.raw);
   smooth_patch(work.raw, 2 * work.weights.radius + 3, work.scratch, work.smooth);
   describe_window(work.smooth, work.weights, descriptor);
 }
 
-/// `reach` pixels around the middle have been read and `smooth_radius` more.
-PILOTAGE_KERNEL void describe_turned(Workspace& work, int reach, float angle,
-                                     Descriptor& descriptor) {
+PILOTAGE_KERNEL void describe_turned(const ImageView& image, int x, int y, float angle,
+                                     Workspace& work, Descriptor& descriptor) {
+  // The turned window's corners and a pixel for the interpolation.
+  const int reach =
+      static_cast<int>(std::ceil(1.4143 * static_cast<double>(work.weights.radius + 1))) + 1;
+  const int margin = reach + smooth_radius;
+  read_patch(image, x - margin, y - margin, 2 * margin + 1, work.raw);
   smooth_patch(work.raw, 2 * reach + 1, work.scratch, work.smooth);
   turn_patch(work.smooth, reach, angle, work.weights.radius + 1, work.turned);
   describe_window(work.turned, work.weights, descriptor);
 }
 
-PILOTAGE_KERNEL float find_angle(Workspace& work) {
-  constexpr int size = 2 * angle_radius + 1;
+PILOTAGE_KERNEL float find_angle(const ImageView& image, int x, int y, Workspace& work) {
+  constexpr int size = 2 * angle_radius + 1, margin = angle_radius + 1 + smooth_radius;
+  read_patch(image, x - margin, y - margin, 2 * margin + 1, work.raw);
   smooth_patch(work.raw, size + 2, work.scratch, work.smooth);
   float histogram[angle_bins] = {};
   for (int r = 0; r < size; ++r) {
@@ -311,31 +319,22 @@ void SiftDescriber::describe(const ImageView& image, std::span<const Eigen::Vect
     throw std::invalid_argument("SiftDescriber: " + std::to_string(angles_rad.size()) +
                                 " angles for " + std::to_string(points.size()) + " points");
   }
-  Workspace& work = *buffers_;
   descriptors.resize(points.size());
-  const int upright_reach = work.weights.radius + 1;
-  const int turned_reach = static_cast<int>(std::ceil(1.4143 * upright_reach)) + 1;
-  const int reach = (angles_rad.empty() ? upright_reach : turned_reach);
-  const int margin = reach + smooth_radius;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    read_patch(image, rounded(points[i].x()) - margin, rounded(points[i].y()) - margin,
-               2 * margin + 1, work.raw);
+    const int x = rounded(points[i].x()), y = rounded(points[i].y());
     if (angles_rad.empty()) {
-      describe_upright(work, descriptors[i]);
+      describe_upright(image, x, y, *buffers_, descriptors[i]);
     } else {
-      describe_turned(work, reach, angles_rad[i], descriptors[i]);
+      describe_turned(image, x, y, angles_rad[i], *buffers_, descriptors[i]);
     }
   }
 }
 
 void SiftDescriber::find_angles(const ImageView& image, std::span<const Eigen::Vector2f> points,
                                 std::vector<float>& angles_rad) {
-  constexpr int margin = angle_radius + 1 + smooth_radius;
   angles_rad.resize(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    read_patch(image, rounded(points[i].x()) - margin, rounded(points[i].y()) - margin,
-               2 * margin + 1, buffers_->raw);
-    angles_rad[i] = find_angle(*buffers_);
+    angles_rad[i] = find_angle(image, rounded(points[i].x()), rounded(points[i].y()), *buffers_);
   }
 }
 
