@@ -178,7 +178,7 @@ def test_every_pose_round_trips_exactly(tmp_path: Path) -> None:
     base = load_rig(tmp_path)
     rng = np.random.default_rng(0)
     for _ in range(100):
-        rotation = cv2.Rodrigues(rng.normal(0, 0.3, 3))[0]
+        rotation = cv2.Rodrigues(rng.normal(0, 0.1, 3))[0]
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = rotation, rotation @ [-0.1, 0, 0]
         pose = Transform.from_matrix(matrix)
