@@ -176,7 +176,7 @@ def truth_records(recording: Recording) -> list[PoseRecord]:
     records = []
     times = zip(truth.timestamps_ns.tolist(), truth.world_from_left, strict=True)
     for index, (timestamp_ns, world_from_left) in enumerate(times):
-        world_from_body = Transform.from_matrix(world_from_left) * left_from_body
+        world_from_body = Transform.from_matrix(world_from_left) @ left_from_body
         position, quaternion = _pose_numbers(world_from_body)
         records.append(
             PoseRecord(
@@ -190,6 +190,6 @@ def _pose_numbers(
     pose: Transform,
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Return position and unit quaternion (wxyz) as plain numbers."""
-    x, y, z = pose.translation.tolist()
+    x, y, z = pose.translation_m.tolist()
     qw, qx, qy, qz = pose.quaternion_wxyz.tolist()
     return (x, y, z), (qw, qx, qy, qz)

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,11 +61,11 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         from pilotage.recordings.recording import open_recording
 
         selection = Selection(start=start, end=end, every=every)
-        _stop_on_terminate()
         used = load_config(config, settings or [])
         opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz)
         odometry = StereoOdometry(rig=opened.rig, config=used)
-        with make_progress(opened.name, len(selection.indices(len(opened)))) as progress:
+        pairs = len(selection.indices(len(opened)))
+        with _stop_on_terminate(), make_progress(opened.name, pairs) as progress:
             summary = track(
                 recording=opened,
                 odometry=odometry,
@@ -77,11 +80,14 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         _conclude(summary, out)
 
 
-def _stop_on_terminate() -> None:
+@contextmanager
+def _stop_on_terminate() -> Iterator[None]:
     """Let `kill` end a run as Ctrl-C does: with everything written."""
-    import signal
-
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _draw_report(out: Path) -> None:

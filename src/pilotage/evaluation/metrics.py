@@ -129,7 +129,7 @@ def evaluate_trajectory(
 
 def has_pose(poses: Array) -> NDArray[np.bool_]:
     """Tell, (N,), where there is a pose."""
-    return np.isfinite(poses).all(axis=(1, 2))
+    return np.asarray(np.isfinite(poses).all(axis=(1, 2)), dtype=np.bool_)
 
 
 def distance_along(truth: Array) -> Array:
