@@ -2,6 +2,7 @@
 #include "estimation/bundle_layout.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -14,43 +15,74 @@ constexpr int kChunkObservations = 1024;
 /// Bounds the chunk's own reduced system (blocks grow with the square).
 constexpr int kChunkPoses = 48;
 
-void require(bool holds, const std::string& what) {
-  if (!holds) throw std::invalid_argument(what);
+/// `what` makes the message, so that it costs nothing while all is well.
+template <typename Message>
+void require(bool holds, const Message& what) {
+  if (!holds) throw std::invalid_argument(what());
 }
+
+std::string text(double value) { return std::to_string(value); }
 
 void check_prior(const PosePrior& prior, std::size_t frames) {
   const Eigen::Index n = static_cast<Eigen::Index>(prior.world_from_left.size());
-  require(prior.world_from_left.size() <= frames, "prior has " + std::to_string(n) +
-                                                      " poses, more than the " +
-                                                      std::to_string(frames) + " of the problem");
+  require(prior.world_from_left.size() <= frames, [&] {
+    return "prior has " + std::to_string(n) + " poses, more than the " + std::to_string(frames) +
+           " of the problem";
+  });
   require(prior.information.rows() == 6 * n && prior.information.cols() == 6 * n &&
               prior.gradient.size() == 6 * n,
-          "prior information must be (6 n, 6 n) and its gradient (6 n) for n = " +
-              std::to_string(n) + " poses");
+          [&] {
+            return "prior information must be (6 n, 6 n) and its gradient (6 n) for n = " +
+                   std::to_string(n) + " poses";
+          });
+}
+
+void check_values(const BundleProblem& problem) {
+  const RectifiedStereo& stereo = problem.stereo;
+  require(stereo.focal_px > 0 && std::isfinite(stereo.focal_px + stereo.baseline_m), [&] {
+    return "stereo must have focal_px > 0 and a finite baseline_m, got " + text(stereo.focal_px) +
+           " and " + text(stereo.baseline_m);
+  });
+  for (std::size_t f = 0; f < problem.world_from_left.size(); ++f) {
+    const Transform& pose = problem.world_from_left[f];
+    require(pose.translation.allFinite() && pose.rotation.coeffs().allFinite(),
+            [&] { return "world_from_left[" + std::to_string(f) + "] is not finite"; });
+  }
+  for (std::size_t p = 0; p < problem.points_in_world.size(); ++p) {
+    require(problem.points_in_world[p].allFinite(),
+            [&] { return "points_in_world[" + std::to_string(p) + "] is not finite"; });
+  }
+}
+
+void check_observations(const BundleProblem& problem) {
+  const int frames = static_cast<int>(problem.world_from_left.size());
+  const int points = static_cast<int>(problem.points_in_world.size());
+  int previous = 0;
+  for (const StereoObservation& seen : problem.observations) {
+    require(seen.frame >= 0 && seen.frame < frames, [&] {
+      return "observation of frame " + std::to_string(seen.frame) + ", outside 0 to " +
+             std::to_string(frames - 1);
+    });
+    require(seen.point >= previous && seen.point < points, [&] {
+      return "observation of point " + std::to_string(seen.point) + " after point " +
+             std::to_string(previous) + ": must ascend and stay below " + std::to_string(points);
+    });
+    require(seen.left_sigma_px > 0 && seen.right_sigma_px > 0, [&] {
+      return "sigmas must be > 0 px, got " + text(seen.left_sigma_px) + " and " +
+             text(seen.right_sigma_px);
+    });
+    previous = seen.point;
+  }
 }
 
 void check(const BundleProblem& problem) {
   const std::size_t frames = problem.world_from_left.size();
-  require(problem.pose_is_fixed.size() == frames,
-          "pose_is_fixed has " + std::to_string(problem.pose_is_fixed.size()) + " entries for " +
-              std::to_string(frames) + " poses");
-  require(problem.stereo.focal_px > 0,
-          "stereo.focal_px must be > 0, got " + std::to_string(problem.stereo.focal_px));
-  const int points = static_cast<int>(problem.points_in_world.size());
-  int previous = 0;
-  for (const StereoObservation& seen : problem.observations) {
-    require(seen.frame >= 0 && seen.frame < static_cast<int>(frames),
-            "observation of frame " + std::to_string(seen.frame) + ", outside 0 to " +
-                std::to_string(static_cast<int>(frames) - 1));
-    require(seen.point >= previous && seen.point < points,
-            "observation of point " + std::to_string(seen.point) + " after point " +
-                std::to_string(previous) + ": must ascend and stay below " +
-                std::to_string(points));
-    require(seen.left_sigma_px > 0 && seen.right_sigma_px > 0,
-            "sigmas must be > 0 px, got " + std::to_string(seen.left_sigma_px) + " and " +
-                std::to_string(seen.right_sigma_px));
-    previous = seen.point;
-  }
+  require(problem.pose_is_fixed.size() == frames, [&] {
+    return "pose_is_fixed has " + std::to_string(problem.pose_is_fixed.size()) + " entries for " +
+           std::to_string(frames) + " poses";
+  });
+  check_values(problem);
+  check_observations(problem);
   if (problem.prior) check_prior(*problem.prior, frames);
 }
 

@@ -383,4 +383,27 @@ std::vector<Matrix6d> BundleSystem::pose_covariances(const BundleState& state,
   return covariances;
 }
 
+void BundleSystem::take_dense(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) const {
+  const int poses = reduced_.size();
+  const int size = 6 * poses + (problem_.right_x_offset_is_free ? 1 : 0);
+  hessian.setZero(size, size);
+  gradient.setZero(size);
+  for (int c = 0; c < poses; ++c) {
+    for (int r = reduced_.first_row(c); r <= c; ++r) {
+      for (int k = 0; k < 36; ++k) {
+        const double value = reduced_.at(r, c).row[k / 6][k % 6];
+        hessian(6 * r + k / 6, 6 * c + k % 6) = hessian(6 * c + k % 6, 6 * r + k / 6) = value;
+      }
+    }
+    for (int k = 0; k < 6; ++k) {
+      gradient[6 * c + k] = gradient_[c].lanes[k];
+      if (size == 6 * poses) continue;
+      hessian(6 * c + k, size - 1) = hessian(size - 1, 6 * c + k) = border_[c].lanes[k];
+    }
+  }
+  if (size == 6 * poses) return;
+  hessian(size - 1, size - 1) = offset_hessian_;
+  gradient[size - 1] = offset_gradient_;
+}
+
 }  // namespace pilotage

@@ -50,6 +50,8 @@ class BundleSystem {
   void apply_step(const BundleState& state, double damping, BundleState& moved);
   /// Cost at `state` with the weights of the last build.
   double weighted_cost(const BundleState& state);
+  /// The last build as full matrices over the free poses and, last, the offset if that is free.
+  void take_dense(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) const;
   /// Covariance of every pose for the left perturbation, zero where fixed, from the last build,
   /// which must have been undamped at `state`. The build is used up.
   std::vector<Matrix6d> pose_covariances(const BundleState& state, double& offset_variance);
