@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "estimation/pose_ransac.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -24,7 +25,8 @@ typedef float Lanes __attribute__((vector_size(lanes * sizeof(float)), aligned(4
 
 constexpr float nearest_depth_m = 1e-3F;
 constexpr int refined_inliers = 60;  ///< as many as a local optimisation looks at
-constexpr int refine_iterations = 3;
+constexpr int final_inliers = 150;
+constexpr int final_rounds = 2;
 
 /// Matches as arrays, padded to whole blocks by matches that cost nothing.
 struct Matches {
@@ -36,8 +38,10 @@ struct Matches {
   float focal_px = 0, baseline_m = 0;
 };
 
+/// Standard errors are those at `camera_from_points`.
 Matches arrange(std::span<const Vector3d> points, std::span<const StereoObservation> observations,
-                const RectifiedStereo& stereo, std::span<const Matrix3d> covariances, float cap) {
+                const RectifiedStereo& stereo, std::span<const Matrix3d> covariances, double cap,
+                const Transform& camera_from_points) {
   Matches m;
   const int count = static_cast<int>(points.size());
   m.padded = (count + block - 1) / block * block;
@@ -47,18 +51,23 @@ Matches arrange(std::span<const Vector3d> points, std::span<const StereoObservat
   }
   m.focal_px = static_cast<float>(stereo.focal_px);
   m.baseline_m = static_cast<float>(stereo.baseline_m);
+  const Matrix3d unrotate = camera_from_points.rotation.conjugate().toRotationMatrix();
   for (int i = 0; i < count; ++i) {
     const StereoObservation& seen = observations[i];
     const Vector3d& p = points[i];
     if (!p.allFinite() || !std::isfinite(seen.left_x_px + seen.left_y_px)) continue;
     double left2 = double{seen.left_sigma_px} * seen.left_sigma_px;
     double right2 = double{seen.right_sigma_px} * seen.right_sigma_px;
-    if (!covariances.empty() && p.z() > nearest_depth_m) {
-      // The point's error as the previous pair would see it: motions between pairs are small.
-      const double g = stereo.focal_px / p.z();
-      const Vector3d left = g * Vector3d(1, 0, -p.x() / p.z());
-      const Vector3d right = g * Vector3d(1, 0, -(p.x() - stereo.baseline_m) / p.z());
-      left2 += left.dot(covariances[i] * left);
+    const Vector3d seen_from = camera_from_points * p;
+    if (!covariances.empty() && seen_from.z() > nearest_depth_m) {
+      // What the point's own error makes in this picture.
+      const double g = stereo.focal_px / seen_from.z();
+      const Vector3d ray = seen_from / seen_from.z();
+      const Vector3d left = unrotate * (g * Vector3d(1, 0, -ray.x()));
+      const Vector3d down = unrotate * (g * Vector3d(0, 1, -ray.y()));
+      const Vector3d right =
+          unrotate * (g * Vector3d(1, 0, stereo.baseline_m / seen_from.z() - ray.x()));
+      left2 += std::max(left.dot(covariances[i] * left), down.dot(covariances[i] * down));
       right2 += right.dot(covariances[i] * right);
     }
     const bool in_both = std::isfinite(seen.right_x_px);
@@ -70,7 +79,7 @@ Matches arrange(std::span<const Vector3d> points, std::span<const StereoObservat
     m.right_x[i] = in_both ? static_cast<float>(seen.right_x_px - stereo.cx_right_px) : 0.0F;
     m.left_weight[i] = static_cast<float>(1.0 / left2);
     m.right_weight[i] = in_both ? static_cast<float>(1.0 / right2) : 0.0F;
-    m.cap[i] = cap;
+    m.cap[i] = static_cast<float>(cap);
   }
   return m;
 }
@@ -143,7 +152,7 @@ class Search {
         options_(options),
         covariances_(covariances),
         matches_(arrange(points, observations, stereo, covariances,
-                         static_cast<float>(options.threshold_sigma * options.threshold_sigma))) {
+                         options.threshold_sigma * options.threshold_sigma, Transform())) {
     result_.inlier.assign(points.size(), 0);
   }
 
@@ -153,7 +162,8 @@ class Search {
   void try_sample(const std::array<int, 3>& sample);
   bool explains(const std::array<int, 3>& sample, const Transform& pose) const;
   bool improve(const Transform& pose);
-  void refine();
+  double refine(int inliers, int iterations);
+  void widen();
 
   std::span<const Vector3d> points_;
   std::span<const StereoObservation> observations_;
@@ -184,10 +194,11 @@ bool Search::improve(const Transform& pose) {
   return true;
 }
 
-/// Local optimisation: adjusts the best pose to a spread of its inliers.
-void Search::refine() {
-  if (result_.inlier_count < 4) return;
-  const int stride = (result_.inlier_count + refined_inliers - 1) / refined_inliers;
+/// Local optimisation: adjusts the best pose to a spread of its inliers. Returns by how much their
+/// residuals exceed the sigmas given.
+double Search::refine(int inliers, int iterations) {
+  if (result_.inlier_count < 4) return 1;
+  const int stride = (result_.inlier_count + inliers - 1) / inliers;
   std::vector<Vector3d> points;
   std::vector<StereoObservation> observations;
   std::vector<Matrix3d> covariances;
@@ -200,10 +211,24 @@ void Search::refine() {
   }
   ResectionOptions options;
   options.loss = RobustLoss::huber;
-  options.max_iterations = refine_iterations;
+  options.max_iterations = iterations;
   const ResectionResult refined =
       resect(points, observations, stereo_, *result_.camera_from_points, options, covariances);
-  if (refined.camera_from_world) improve(*refined.camera_from_world);
+  if (!refined.camera_from_world) return 1;
+  improve(*refined.camera_from_world);
+  return refined.sigma0;
+}
+
+/// Takes in the good matches that a threshold on too small sigmas, or a rough pose, left out.
+void Search::widen() {
+  const double cap = options_.threshold_sigma * options_.threshold_sigma;
+  for (int round = 0; round < final_rounds && result_.camera_from_points; ++round) {
+    const double sigma0 = std::max(1.0, refine(final_inliers, 4));
+    matches_ = arrange(points_, observations_, stereo_, covariances_, cap * sigma0 * sigma0,
+                       *result_.camera_from_points);
+    best_cost_ = std::numeric_limits<float>::infinity();
+    improve(*result_.camera_from_points);
+  }
 }
 
 void Search::try_sample(const std::array<int, 3>& sample) {
@@ -220,7 +245,7 @@ void Search::try_sample(const std::array<int, 3>& sample) {
     const Transform& pose = solutions.camera_from_points[i];
     improved = (explains(sample, pose) && improve(pose)) || improved;
   }
-  if (improved) refine();
+  if (improved) refine(refined_inliers, 3);
 }
 
 PoseRansacResult Search::run(std::span<const float> qualities) {
@@ -238,6 +263,7 @@ PoseRansacResult Search::run(std::span<const float> qualities) {
     needed = required_samples(double(result_.inlier_count) / count, 3, options_.confidence,
                               options_.max_samples);
   }
+  widen();
   if (result_.inlier_count < options_.min_inliers) {
     result_.camera_from_points.reset();
     result_.inlier.assign(count, 0);

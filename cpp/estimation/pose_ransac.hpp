@@ -34,8 +34,9 @@ struct PoseRansacResult {
 /// LO-RANSAC (Chum, Matas, Kittler 2003) on P3P, the best matches first when `qualities` (larger is
 /// better) are given. observations[i] sees points_in_previous[i]; residuals in left x, left y and
 /// right x (NaN: left only) are scored together, capped (MSAC). `point_covariances` (empty: exact
-/// points), of points_in_previous, widen the standard errors by what they are in the previous
-/// picture. Seeded: the same input gives the same result.
+/// points), of points_in_previous, widen the standard errors: as the previous picture would see
+/// them during the search (motions are small), as this one does at its end. Sigmas that prove too
+/// small are scaled up there. Seeded: the same input gives the same result.
 PoseRansacResult resect_ransac(std::span<const Eigen::Vector3d> points_in_previous,
                                std::span<const StereoObservation> observations,
                                const RectifiedStereo& stereo, const PoseRansacOptions& options,
