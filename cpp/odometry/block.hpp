@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "estimation/bundle_adjustment.hpp"
+
+namespace pilotage {
+
+struct Landmark;
+
+/// All that the adjustment of the whole path needs, kept small: keyframe poses and retired points.
+class Block {
+ public:
+  void set_pose(int keyframe, const Transform& world_from_left);
+  void add_point(const Landmark& landmark);
+
+  std::vector<Transform>& poses() { return poses_; }
+  const std::vector<Eigen::Vector3f>& points() const { return points_; }
+  const std::vector<std::uint8_t>& greys() const { return greys_; }
+  BundleProblem problem(const RectifiedStereo& stereo) const;
+  void take(const BundleProblem& adjusted);
+
+ private:
+  std::vector<Transform> poses_;
+  std::vector<Eigen::Vector3f> points_;
+  std::vector<std::uint8_t> greys_;
+  std::vector<StereoObservation> observations_;  // frame = keyframe serial, ascending point
+};
+
+}  // namespace pilotage

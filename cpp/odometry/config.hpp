@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "estimation/robust_loss.hpp"
+
+namespace pilotage {
+
+/// How homologous points are found.
+enum class FrontEnd {
+  patch,  ///< patches of keyframes aligned under a motion prior, descriptors to fall back on
+  paper,  ///< Harris points, SIFT descriptors, matched by descriptor (rover paper, figure 4)
+};
+
+/// Everything that can be set of the odometry; the only home of the defaults.
+struct OdometryConfig {
+  FrontEnd front_end = FrontEnd::patch;
+  int points = 400;
+  int window_keyframes = 10;
+  int adjust_every = 5;
+  double keyframe_parallax_px = 20;
+  double keyframe_overlap = 0.7;
+  RobustLoss loss = RobustLoss::huber;
+  double measurement_sigma_px = 0.2;
+  bool smooth_images = true;
+  double min_correlation = 0.8;
+  double max_depth_m = 1000;
+  int min_inliers = 15;
+  int threads = 1;
+  std::int64_t seed = 1;
+
+  /// Calls visitor(name, member, minimum, maximum, what it is) for every field, in order: the one
+  /// list that feeds files, the command line, Python and the documentation.
+  template <typename Self, typename Visitor>
+  static void visit(Self& config, Visitor&& visitor) {
+    visitor("front_end", config.front_end, "how homologous points are found: patch or paper");
+    visitor("points", config.points, 50, 4000, "interest points aimed at in a picture");
+    visitor("window_keyframes", config.window_keyframes, 3, 40, "keyframes adjusted together");
+    visitor("adjust_every", config.adjust_every, 1, 50,
+            "pairs after which a keyframe is made and the window adjusted at the latest");
+    visitor("keyframe_parallax_px", config.keyframe_parallax_px, 1.0, 500.0,
+            "median image motion since the last keyframe that makes a new one");
+    visitor("keyframe_overlap", config.keyframe_overlap, 0.0, 1.0,
+            "a keyframe is made when fewer than this part of the aimed points are tracked");
+    visitor("loss", config.loss, "robust weights: none, danish, huber, cauchy, tukey, geman_mcclure");
+    visitor("measurement_sigma_px", config.measurement_sigma_px, 0.01, 5.0,
+            "standard error of a matched coordinate");
+    visitor("smooth_images", config.smooth_images, "smooth pictures before patches are compared");
+    visitor("min_correlation", config.min_correlation, 0.0, 1.0,
+            "patches that fit worse are no match");
+    visitor("max_depth_m", config.max_depth_m, 1.0, 1e6, "points further away are put there");
+    visitor("min_inliers", config.min_inliers, 6, 1000, "fewer matched points mean: lost");
+    visitor("threads", config.threads, 1, 64, "threads; results do not depend on it");
+    visitor("seed", config.seed, 0, 1000000000, "of the random samples");
+  }
+};
+
+}  // namespace pilotage

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tracking/patch_alignment.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "geometry/dispatch.hpp"
+
+namespace pilotage {
+namespace {
+
+constexpr int edge = patch_px;
+constexpr int lanes = patch_px;
+static_assert(edge == lanes);
+constexpr int padded = edge + 2;
+constexpr float centre_index = 0.5f * (edge - 1);
+
+/// Bilinear samples of an affinely placed (edge + 2)^2 grid.
+PILOTAGE_KERNEL void sample_affine(const std::uint8_t* data, std::ptrdiff_t stride, float x0,
+                                   float y0, float xx, float xy, float yx, float yy,
+                                   float* samples) {
+  for (int j = 0; j < padded; ++j) {
+    for (int i = 0; i < padded; ++i) {
+      const float x = x0 + xx * static_cast<float>(i) + xy * static_cast<float>(j);
+      const float y = y0 + yx * static_cast<float>(i) + yy * static_cast<float>(j);
+      const int ix = static_cast<int>(x);
+      const int iy = static_cast<int>(y);
+      const float fx = x - static_cast<float>(ix);
+      const float fy = y - static_cast<float>(iy);
+      const std::uint8_t* p = data + iy * stride + ix;
+      const float top = static_cast<float>(p[0]) + fx * static_cast<float>(p[1] - p[0]);
+      const float bottom =
+          static_cast<float>(p[stride]) + fx * static_cast<float>(p[stride + 1] - p[stride]);
+      samples[j * padded + i] = top + fy * (bottom - top);
+    }
+  }
+}
+
+/// Sums over a patch of products, lane by lane, so that the order of additions never changes.
+PILOTAGE_INLINE float lane_sum(const float* acc) {
+  float sum = 0;
+  for (int k = 0; k < lanes; ++k) sum += acc[k];
+  return sum;
+}
+
+PILOTAGE_KERNEL void finish_template(const float* samples, PatchTemplate& patch) {
+  float mean_acc[lanes] = {};
+  for (int j = 0; j < edge; ++j) {
+    const float* row = samples + (j + 1) * padded + 1;
+    float* value = patch.value + j * edge;
+    float* gx = patch.gradient_x + j * edge;
+    float* gy = patch.gradient_y + j * edge;
+    for (int i = 0; i < edge; ++i) {
+      value[i] = row[i];
+      gx[i] = 0.5f * (row[i + 1] - row[i - 1]);
+      gy[i] = 0.5f * (row[i + padded] - row[i - padded]);
+      mean_acc[i] += row[i];
+    }
+  }
+  float gx_acc[lanes] = {}, gy_acc[lanes] = {}, vv[lanes] = {}, vx[lanes] = {}, vy[lanes] = {};
+  const float mean = lane_sum(mean_acc) / PatchTemplate::size;
+  for (int k = 0; k < PatchTemplate::size; k += lanes) {
+    for (int i = 0; i < lanes; ++i) {
+      patch.value[k + i] -= mean;
+      gx_acc[i] += patch.gradient_x[k + i];
+      gy_acc[i] += patch.gradient_y[k + i];
+      vv[i] += patch.value[k + i] * patch.value[k + i];
+      vx[i] += patch.value[k + i] * patch.gradient_x[k + i];
+      vy[i] += patch.value[k + i] * patch.gradient_y[k + i];
+    }
+  }
+  patch.value_norm2 = lane_sum(vv);
+  const float scale = patch.value_norm2 > 0 ? 1.0f / patch.value_norm2 : 0.0f;
+  const float gx_mean = lane_sum(gx_acc) / PatchTemplate::size;
+  const float gy_mean = lane_sum(gy_acc) / PatchTemplate::size;
+  const float gx_gain = lane_sum(vx) * scale;
+  const float gy_gain = lane_sum(vy) * scale;
+  float xx[lanes] = {}, xy[lanes] = {}, yy[lanes] = {};
+  for (int k = 0; k < PatchTemplate::size; k += lanes) {
+    for (int i = 0; i < lanes; ++i) {
+      const float x = patch.gradient_x[k + i] - gx_mean - gx_gain * patch.value[k + i];
+      const float y = patch.gradient_y[k + i] - gy_mean - gy_gain * patch.value[k + i];
+      patch.gradient_x[k + i] = x;
+      patch.gradient_y[k + i] = y;
+      xx[i] += x * x;
+      xy[i] += x * y;
+      yy[i] += y * y;
+    }
+  }
+  patch.hxx = lane_sum(xx);
+  patch.hxy = lane_sum(xy);
+  patch.hyy = lane_sum(yy);
+}
+
+struct PatchSums {
+  float gx = 0, gy = 0, value = 0, sum = 0, sum2 = 0;
+};
+
+/// Correlates the template with the picture at a sub-pixel place.
+PILOTAGE_KERNEL void correlate(const std::uint8_t* corner, std::ptrdiff_t stride, float fx,
+                               float fy, const PatchTemplate& patch, PatchSums& sums) {
+  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
+  float gx[lanes] = {}, gy[lanes] = {}, value[lanes] = {}, sum[lanes] = {}, sum2[lanes] = {};
+  for (int j = 0; j < edge; ++j) {
+    const std::uint8_t* p = corner + j * stride;
+    const std::uint8_t* q = p + stride;
+    const int k = j * edge;
+    for (int i = 0; i < lanes; ++i) {
+      const float v = w00 * static_cast<float>(p[i]) + w01 * static_cast<float>(p[i + 1]) +
+                      w10 * static_cast<float>(q[i]) + w11 * static_cast<float>(q[i + 1]) - 128.0f;
+      gx[i] += v * patch.gradient_x[k + i];
+      gy[i] += v * patch.gradient_y[k + i];
+      value[i] += v * patch.value[k + i];
+      sum[i] += v;
+      sum2[i] += v * v;
+    }
+  }
+  sums = {lane_sum(gx), lane_sum(gy), lane_sum(value), lane_sum(sum), lane_sum(sum2)};
+}
+
+/// False when the patch around `pixel` leaves the picture.
+bool correlate_at(const ImageView& image, const PatchTemplate& patch, const Eigen::Vector2f& pixel,
+                  PatchSums& sums) {
+  const float x = pixel.x() - centre_index;
+  const float y = pixel.y() - centre_index;
+  if (!(x >= 0 && y >= 0 && x < static_cast<float>(image.width - edge - 1) &&
+        y < static_cast<float>(image.height - edge - 1))) {
+    return false;
+  }
+  const int ix = static_cast<int>(x);
+  const int iy = static_cast<int>(y);
+  correlate(image.row(iy) + ix, image.stride, x - static_cast<float>(ix),
+            y - static_cast<float>(iy), patch, sums);
+  return true;
+}
+
+/// Writes correlation and the noise left, from the sums at the final place.
+void judge(const PatchTemplate& patch, const PatchSums& sums, PatchAlignment& result) {
+  const float variance = sums.sum2 - sums.sum * sums.sum / PatchTemplate::size;
+  if (variance <= 0) return;
+  result.correlation = sums.value / std::sqrt(variance * patch.value_norm2);
+  if (result.correlation <= 0) return;
+  const float gain = sums.value / patch.value_norm2;
+  const float rest = variance * (1 - result.correlation * result.correlation);
+  result.noise_grey = std::sqrt(std::max(rest, 0.0f) / PatchTemplate::size) / gain;
+}
+
+template <bool in_row>
+PatchAlignment align(const ImageView& image, const PatchTemplate& patch,
+                     const Eigen::Vector2f& start, const PatchAlignmentOptions& options) {
+  PatchAlignment result;
+  result.pixel = start;
+  const float determinant = patch.hxx * patch.hyy - patch.hxy * patch.hxy;
+  PatchSums sums;
+  for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
+    if (!correlate_at(image, patch, result.pixel, sums)) return result;
+    const float gain = sums.value / patch.value_norm2;
+    // Below half (or above twice) the template's contrast this is another thing.
+    if (gain < 0.1f) return result;
+    Eigen::Vector2f shift(0, 0);
+    if constexpr (in_row) {
+      shift.x() = sums.gx / (patch.hxx * gain);
+    } else {
+      shift.x() = (patch.hyy * sums.gx - patch.hxy * sums.gy) / (determinant * gain);
+      shift.y() = (patch.hxx * sums.gy - patch.hxy * sums.gx) / (determinant * gain);
+    }
+    const float length = shift.norm();
+    if (!(length < 1e6f)) return result;
+    // One pixel a step at most: the gradients say nothing further out.
+    if (length > 1.0f) shift *= 1.0f / length;
+    result.pixel -= shift;
+    if ((result.pixel - start).squaredNorm() > options.max_shift_px * options.max_shift_px) {
+      return result;
+    }
+    if (length < options.converged_px) {
+      result.converged = true;
+      break;
+    }
+  }
+  if (correlate_at(image, patch, result.pixel, sums)) {
+    judge(patch, sums, result);
+  } else {
+    result.converged = false;
+  }
+  return result;
+}
+
+}  // namespace
+
+bool make_template(const ImageView& image, const Eigen::Vector2f& centre,
+                   const Eigen::Matrix2f& host_from_current, PatchTemplate& patch) {
+  const float half = centre_index + 1;
+  const Eigen::Vector2f corner = centre - host_from_current * Eigen::Vector2f(half, half);
+  const Eigen::Vector2f reach = host_from_current.cwiseAbs() * Eigen::Vector2f(half, half);
+  const Eigen::Vector2f low = centre - reach;
+  const Eigen::Vector2f high = centre + reach;
+  if (!(low.x() >= 0 && low.y() >= 0 && high.x() < static_cast<float>(image.width - 1) &&
+        high.y() < static_cast<float>(image.height - 1))) {
+    return false;
+  }
+  alignas(64) float samples[padded * padded];
+  sample_affine(image.data, image.stride, corner.x(), corner.y(), host_from_current(0, 0),
+                host_from_current(0, 1), host_from_current(1, 0), host_from_current(1, 1), samples);
+  finish_template(samples, patch);
+  return patch.hxx > 1.0f && patch.hxx * patch.hyy - patch.hxy * patch.hxy > 1.0f;
+}
+
+PatchAlignment align_patch(const ImageView& image, const PatchTemplate& patch,
+                           const Eigen::Vector2f& start, const PatchAlignmentOptions& options) {
+  return align<false>(image, patch, start, options);
+}
+
+PatchAlignment align_patch_in_row(const ImageView& image, const PatchTemplate& patch,
+                                  const Eigen::Vector2f& start,
+                                  const PatchAlignmentOptions& options) {
+  return align<true>(image, patch, start, options);
+}
+
+float shift_sigma_px(const PatchTemplate& patch, float noise_grey) {
+  const float mean = 0.5f * (patch.hxx + patch.hyy);
+  const float half_difference = 0.5f * (patch.hxx - patch.hyy);
+  const float weakest =
+      mean - std::sqrt(half_difference * half_difference + patch.hxy * patch.hxy);
+  return noise_grey / std::sqrt(std::max(weakest, 1e-6f));
+}
+
+float row_shift_sigma_px(const PatchTemplate& patch, float noise_grey) {
+  return noise_grey / std::sqrt(std::max(patch.hxx, 1e-6f));
+}
+
+}  // namespace pilotage
