@@ -75,9 +75,10 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
                 overwrite=overwrite,
                 on_pair=progress.on_pair,
             )
-        if report:
-            _draw_report(out)
+        fault = _draw_report(out) if report else None
         _conclude(summary, out)
+        if fault is not None:
+            fail(f"report not drawn: {fault}", FAILED)
 
 
 @contextmanager
@@ -90,8 +91,8 @@ def _stop_on_terminate() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _draw_report(out: Path) -> None:
-    """Draw in a process of its own: plotting needs more memory than tracking."""
+def _draw_report(out: Path) -> str | None:
+    """Draw in a process of its own, as plotting needs more memory than tracking; say a fault."""
     import subprocess
     import sys
 
@@ -101,9 +102,10 @@ def _draw_report(out: Path) -> None:
         text=True,
         check=False,
     )
-    if drawn.returncode != 0:
-        said = drawn.stderr.strip().splitlines()
-        fail(f"report not drawn: {said[-1] if said else 'no reason given'}", FAILED)
+    if drawn.returncode == 0:
+        return None
+    said = drawn.stderr.strip().splitlines()
+    return said[-1] if said else f"exit code {drawn.returncode}"
 
 
 def _conclude(summary: dict[str, Any], out: Path) -> None:

@@ -52,7 +52,6 @@ class LineProgress:
         self._started = self._said = time.monotonic()
 
     def __enter__(self) -> Self:
-        print(f"{self._name}: {self._pairs} pairs", file=sys.stderr, flush=True)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -66,7 +65,7 @@ class LineProgress:
         self._said = now
         rate = done / max(now - self._started, 1e-9)
         print(
-            f"{done}/{self._pairs} pairs, {rate:.1f} pairs/s, {status_words(record)},"
+            f"{self._name}: {done}/{self._pairs} pairs, {rate:.1f} pairs/s, {status_words(record)},"
             f" {record.inliers} inliers",
             file=sys.stderr,
             flush=True,

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pilotage.atomic_files import write_atomically
-from pilotage.errors import PilotageError
+from pilotage.errors import InputError, PilotageError
 from pilotage.evaluation import plots
 from pilotage.evaluation.course import Course, course_of, truth_in_view
 from pilotage.evaluation.evaluate import Comparison, evaluate_results
@@ -240,11 +241,13 @@ def _appendix(results: Results) -> str:
 
 def draw_report(out: Path) -> None:
     """Draw the report of a results folder, against the truth where the folder holds one."""
+    results = read_results(out)
+    comparison = None
     if (out / TRUTH).exists():
-        comparison = evaluate_results(out)
-        write_report(comparison.results, comparison)
-    else:
-        write_report(read_results(out), None)
+        # Truth that meets no pose (all are lost, say) leaves a report without it.
+        with contextlib.suppress(InputError):
+            comparison = evaluate_results(out)
+    write_report(results, comparison)
 
 
 def main() -> int:
