@@ -136,7 +136,7 @@ def _robot_from_left(results: Results) -> Array:
 
 
 def _tum_of(records: Sequence[PoseRecord], poses: Array) -> str:
-    from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
+    from scipy.spatial.transform import Rotation
 
     lines = ["# truth at the pairs of this run: t[s] x y z qx qy qz qw\n"]
     for record, pose in zip(records, poses, strict=True):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp  # type: ignore[import-untyped]
+from scipy.spatial.transform import Rotation, Slerp
 
 Array = NDArray[np.float64]
 
