@@ -12,11 +12,11 @@ machine only ever adds.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from judge import GOALS, judge, truth_at
 from tables import markdown_table, number
 
 from pilotage.errors import InputError
+from pilotage.results import write_json
 
 COLUMNS = {
     "recording": "recording",
@@ -54,6 +55,7 @@ MORE_COLUMNS = {
     "nees_share": "within 99 %",
     "confidently_wrong": "confidently wrong",
     "alarm": "calibration alarm",
+    "lost_reasons": "lost because",
 }
 
 
@@ -78,6 +80,7 @@ def measure(
             "every": every,
             "system": system,
             "pairs": len(pairs),
+            "lost_reasons": lost_reasons(repeated[0]),
             **judge(name, repeated[0], truth),
             **costs(repeated),
         }
@@ -105,6 +108,12 @@ def costs(runs: Sequence[dict[str, Any]]) -> dict[str, float]:
         "finish_cpu_ms": min(float(run["finish_cpu_ms"]) for run in runs),
         "peak_mb": max(float(run["peak_mb"]) for run in runs),
     }
+
+
+def lost_reasons(run: dict[str, Any]) -> str:
+    """Return the reasons given for lost pairs with their numbers, the most frequent first."""
+    reasons = Counter(run["live_reason"][run["live_status"] == "lost"].tolist())
+    return ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
 
 
 def with_ratio(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -196,7 +205,7 @@ def main() -> int:
         return 2
     print_tables(rows)
     if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=2) + "\n")
+        write_json(arguments.json, {"runs": rows})
     return 0
 
 

@@ -11,6 +11,8 @@ def number(value: float) -> str:
     """Return four significant digits; nothing for NaN, integers in full."""
     if math.isnan(value):
         return ""
+    if math.isinf(value):
+        return "inf"
     if value == round(value) and abs(value) < 1e6:
         return str(int(value))
     return f"{value:.4g}"

@@ -55,7 +55,7 @@ def test_odometry_compares_both_systems(
     out = tmp_path / "figures.json"
     done = run_benchmark("odometry.py", recording.path, "--limit", 8, "--repeats", 1, "--json", out)
     assert done.returncode == 0, done.stderr
-    rows = json.loads(out.read_text())
+    rows = json.loads(out.read_text())["runs"]
     assert [row["system"] for row in rows] == ["pilotage-patch", "opencv"]
     way_m = float(np.linalg.norm(recording.world_from_left[7, :3, 3]))
     for row in rows:
@@ -145,6 +145,31 @@ def test_zed_steps_are_held_against_100_mm() -> None:
     figures = judge("zed_steps", a_run(straight_path(8, 0.103)), None)
     assert figures["step_max_m"] == pytest.approx(0.003)
     assert figures["steps_solved"] == 7
+
+
+def test_lost_zed_steps_miss_their_goal() -> None:
+    estimate = straight_path(8, 0.1)
+    estimate[3] = np.nan
+    figures = judge("zed_steps", a_run(estimate), None)
+    assert figures["steps_solved"] == 5
+    assert Goal("zed_steps", "step_max_m", "<=", 0.004).is_met(figures) is False
+
+
+def test_a_run_that_is_lost_throughout_misses_its_goals() -> None:
+    truth = straight_path(10, 0.5)
+    estimate = np.full_like(truth, np.nan)
+    figures = judge("kitti_a", a_run(estimate), truth)
+    assert figures["lost"] == 10
+    assert Goal("kitti_a", "ate_m", "<=", 0.045).is_met(figures) is False
+
+
+def test_no_calibration_check_is_no_clean_bill() -> None:
+    truth = straight_path(10, 0.5)
+    goal = Goal("kitti_a", "alarm", "==", 0)
+    assert goal.is_met(judge("kitti_a", a_run(truth), truth)) is None
+    for verdict, met in (("consistent", True), ("inconsistent", False)):
+        run = {**a_run(truth), "check": np.array(json.dumps({"verdict": verdict}))}
+        assert goal.is_met(judge("kitti_a", run, truth)) is met
 
 
 def test_goals_tell_pass_miss_and_unmeasured() -> None:
