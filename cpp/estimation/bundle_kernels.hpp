@@ -85,6 +85,27 @@ PILOTAGE_INLINE Residual compute_residual(const StereoObservation& seen, const C
   return r;
 }
 
+/// Derivative of the weighted residuals for the point, world axes: three rows.
+struct PointJacobian {
+  double row[3][3];
+};
+
+PILOTAGE_INLINE PointJacobian differentiate(const Residual& r, const CameraPose& pose,
+                                            const StereoModel& model, double root_weight) {
+  const double left = root_weight * model.focal_px * r.inverse_depth * r.inverse_left;
+  const double right = root_weight * model.focal_px * r.inverse_depth * r.inverse_right;
+  const double* x_axis = pose.left_from_world;
+  const double* y_axis = pose.left_from_world + 3;
+  const double* z_axis = pose.left_from_world + 6;
+  PointJacobian j;
+  for (int i = 0; i < 3; ++i) {
+    j.row[0][i] = left * (x_axis[i] - r.ray[0] * z_axis[i]);
+    j.row[1][i] = left * (y_axis[i] - r.ray[1] * z_axis[i]);
+    j.row[2][i] = right * (x_axis[i] - r.ray_right * z_axis[i]);
+  }
+  return j;
+}
+
 /// One linearised observation: three residual rows. Lanes 0 to 5 are the derivative for the pose
 /// (its centre moves by rho, its axes turn by theta, world axes), lane 6 the residual, lane 7 the
 /// derivative for the offset. The derivative for the point is minus lanes 0 to 2: moving the point
@@ -97,16 +118,10 @@ struct alignas(64) LinearRows {
 PILOTAGE_INLINE void linearize(const Residual& r, const CameraPose& pose, const StereoModel& model,
                                double weight, LinearRows& rows) {
   const double root = std::sqrt(weight);
-  const double left = root * model.focal_px * r.inverse_depth * r.inverse_left;
-  const double right = root * model.focal_px * r.inverse_depth * r.inverse_right;
-  const double scale[3] = {left, left, right};
-  const double slope[3] = {r.ray[0], r.ray[1], r.ray_right};
-  const double* depth_axis = pose.left_from_world + 6;
+  const PointJacobian jacobian = differentiate(r, pose, model, root);
   const double* w = r.from_center;
   for (int k = 0; k < 3; ++k) {
-    const double* axis = pose.left_from_world + (k == 1 ? 3 : 0);
-    double j[3];
-    for (int i = 0; i < 3; ++i) j[i] = scale[k] * (axis[i] - slope[k] * depth_axis[i]);
+    const double* j = jacobian.row[k];
     rows.row[k] = Row8{-j[0],
                        -j[1],
                        -j[2],
@@ -126,10 +141,6 @@ PILOTAGE_INLINE Row8 join(const Row8& a, const Row8& b) {
   using Index8 = long long __attribute__((vector_size(64)));
   return __builtin_shuffle(a, b, Index8{0, 1, 2, 3, 4, 5, 14, 15});
 #endif
-}
-
-PILOTAGE_INLINE double sum8(const Row8& a) {
-  return ((a[0] + a[1]) + (a[2] + a[3])) + ((a[4] + a[5]) + (a[6] + a[7]));
 }
 
 /// Sum over the rows of (lanes 0 to 2) times (the row): what one observation says about its point.
@@ -152,15 +163,19 @@ struct PointFactor {
   double l10, l20, l21;
   double reciprocal[3];
 
-  PILOTAGE_INLINE PointFactor(const PointRows& v, double damping) {
+  PILOTAGE_INLINE PointFactor(double v00, double v10, double v11, double v20, double v21,
+                              double v22, double damping) {
     const double grown = 1.0 + damping;
-    reciprocal[0] = inverse_root(v.row[0][0] * grown, v.row[0][0]);
-    l10 = v.row[1][0] * reciprocal[0];
-    l20 = v.row[2][0] * reciprocal[0];
-    reciprocal[1] = inverse_root(v.row[1][1] * grown - l10 * l10, v.row[1][1]);
-    l21 = (v.row[2][1] - l20 * l10) * reciprocal[1];
-    reciprocal[2] = inverse_root(v.row[2][2] * grown - l20 * l20 - l21 * l21, v.row[2][2]);
+    reciprocal[0] = inverse_root(v00 * grown, v00);
+    l10 = v10 * reciprocal[0];
+    l20 = v20 * reciprocal[0];
+    reciprocal[1] = inverse_root(v11 * grown - l10 * l10, v11);
+    l21 = (v21 - l20 * l10) * reciprocal[1];
+    reciprocal[2] = inverse_root(v22 * grown - l20 * l20 - l21 * l21, v22);
   }
+  PILOTAGE_INLINE PointFactor(const PointRows& v, double damping)
+      : PointFactor(v.row[0][0], v.row[1][0], v.row[1][1], v.row[2][0], v.row[2][1], v.row[2][2],
+                    damping) {}
   static PILOTAGE_INLINE double inverse_root(double pivot, double original) {
     return pivot > 1e-12 * original ? 1.0 / std::sqrt(pivot) : 0.0;
   }
@@ -180,6 +195,43 @@ struct PointFactor {
     x[2] = y2 * reciprocal[2];
     x[1] = (y1 - l21 * x[2]) * reciprocal[1];
     x[0] = (y0 - l10 * x[1] - l20 * x[2]) * reciprocal[0];
+  }
+};
+
+/// Left side (lower triangle) and right side of a point's own equations, once the steps of poses
+/// and offset are known.
+struct PointEquations {
+  double v00 = 0, v10 = 0, v11 = 0, v20 = 0, v21 = 0, v22 = 0;
+  double right_side[3] = {0, 0, 0};
+
+  /// `pose_step` is (rho, theta) of the observing pose.
+  PILOTAGE_INLINE void add(const Residual& r, const CameraPose& pose, const StereoModel& model,
+                           double weight, const double* pose_step, double offset_step) {
+    const double root = std::sqrt(weight);
+    const PointJacobian jacobian = differentiate(r, pose, model, root);
+    const double* w = r.from_center;
+    const double* rho = pose_step;
+    const double* theta = pose_step + 3;
+    const double shift[3] = {rho[0] + theta[1] * w[2] - theta[2] * w[1],
+                             rho[1] + theta[2] * w[0] - theta[0] * w[2],
+                             rho[2] + theta[0] * w[1] - theta[1] * w[0]};
+    const double by_offset = model.offset_derivative * r.inverse_right * offset_step;
+    const double value[3] = {r.value[0], r.value[1], r.value[2] + by_offset};
+    for (int k = 0; k < 3; ++k) {
+      const double* j = jacobian.row[k];
+      const double left_over =
+          root * value[k] - (j[0] * shift[0] + j[1] * shift[1] + j[2] * shift[2]);
+      v00 += j[0] * j[0];
+      v10 += j[1] * j[0];
+      v11 += j[1] * j[1];
+      v20 += j[2] * j[0];
+      v21 += j[2] * j[1];
+      v22 += j[2] * j[2];
+      for (int i = 0; i < 3; ++i) right_side[i] -= j[i] * left_over;
+    }
+  }
+  PILOTAGE_INLINE void solve(double damping, double (&step)[3]) const {
+    PointFactor(v00, v10, v11, v20, v21, v22, damping).solve(right_side, step);
   }
 };
 

@@ -5,9 +5,10 @@
 #include <vector>
 
 #include "estimation/block_profile.hpp"
-#include "estimation/bundle_kernels.hpp"
+#include "estimation/bundle_chunk.hpp"
 #include "estimation/bundle_layout.hpp"
 #include "estimation/pose_prior.hpp"
+#include "estimation/worker_team.hpp"
 
 namespace pilotage {
 
@@ -17,19 +18,6 @@ struct BundleState {
   std::vector<Eigen::Vector3d> points_in_world;
   double right_x_offset_px = 0;
 };
-
-/// What a thread needs to work on one chunk of points.
-struct ChunkWorkspace {
-  std::vector<int> local_index;    // of each frame in the chunk; -1 when fixed or not in it
-  std::vector<LinearRows> rows;    // of each observation of the chunk
-  std::vector<PointRows> coupled;  // of each pose of one point
-  std::vector<int> coupled_pose;
-  std::vector<Block6> blocks;  // upper triangle by columns of the chunk's reduced system
-  double cost = 0;
-  double offset_hessian = 0, offset_gradient = 0;
-};
-
-struct ChunkTask;
 
 /// The normal equations of a bundle problem with its points eliminated.
 ///
@@ -77,7 +65,10 @@ class BundleSystem {
   int iteration_ = 1;
   double cost_ = 0;
   double offset_hessian_ = 0, offset_gradient_ = 0, offset_step_ = 0;
-  ChunkWorkspace work_;
+  std::vector<Vector6d> frame_step_;
+  std::vector<double> chunk_cost_;
+  WorkerTeam team_;
+  std::vector<ChunkWorkspace> work_;  // of each worker
 };
 
 }  // namespace pilotage
