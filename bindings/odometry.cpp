@@ -21,6 +21,11 @@ struct Names<FrontEnd> {
                                                               {FrontEnd::paper, "paper"}};
 };
 template <>
+struct Names<EpipolarResidual> {
+  static constexpr std::pair<EpipolarResidual, const char*> list[] = {
+      {EpipolarResidual::sampson, "sampson"}, {EpipolarResidual::paper_f33, "paper_f33"}};
+};
+template <>
 struct Names<RobustLoss> {
   static constexpr std::pair<RobustLoss, const char*> list[] = {
       {RobustLoss::none, "none"},     {RobustLoss::danish, "danish"},
@@ -188,11 +193,26 @@ void bind_result(nb::module_& m) {
       .def_ro("is_keyframe", &OdometryResult::is_keyframe);
 }
 
+void bind_calibration_check(nb::module_& m) {
+  nb::enum_<CalibrationVerdict>(m, "CalibrationVerdict", "Whether the rig fits its pictures.")
+      .value("unobservable", CalibrationVerdict::unobservable)
+      .value("consistent", CalibrationVerdict::consistent)
+      .value("inconsistent", CalibrationVerdict::inconsistent);
+  nb::class_<CalibrationCheck>(m, "CalibrationCheck",
+                               "Systematic errors of the rig, estimated from the pictures.")
+      .def_ro("verdict", &CalibrationCheck::verdict)
+      .def_ro("right_x_offset_px", &CalibrationCheck::right_x_offset_px)
+      .def_ro("right_x_offset_sigma_px", &CalibrationCheck::right_x_offset_sigma_px)
+      .def_ro("y_parallax_px", &CalibrationCheck::y_parallax_px)
+      .def_ro("y_parallax_sigma_px", &CalibrationCheck::y_parallax_sigma_px);
+}
+
 }  // namespace
 
 void bind_odometry(nb::module_& m) {
   bind_config(m);
   bind_result(m);
+  bind_calibration_check(m);
   nb::class_<StereoOdometry>(m, "StereoOdometry",
                              "Where a stereo camera goes, from its pictures alone.")
       .def(nb::init<const StereoRig&, const OdometryConfig&>(), nb::kw_only(), "rig"_a,
@@ -212,9 +232,15 @@ void bind_odometry(nb::module_& m) {
       .def("finish", &StereoOdometry::finish, nb::call_guard<nb::gil_scoped_release>(),
            "Adjust the whole block; a result for every pair given.")
       .def("points",
-           [](const StereoOdometry& self) { return to_numpy<float, 3>(self.points()); })
+           [](const StereoOdometry& self) { return to_numpy<float, 3>(self.points()); },
+           "(N, 3) points of the scene in the world, metres, after finish().")
       .def("point_greys",
-           [](const StereoOdometry& self) { return to_numpy(self.point_greys()); })
+           [](const StereoOdometry& self) {
+             return to_numpy(std::vector<std::uint8_t>(self.point_greys()));
+           },
+           "(N,) uint8 grey value of each point.")
+      .def("calibration_check", &StereoOdometry::calibration_check,
+           "What the pictures say of the rig's systematic errors so far.")
       .def_prop_ro("adjustment_cpu_ms", &StereoOdometry::adjustment_cpu_ms);
 }
 

@@ -26,7 +26,7 @@ BundleProblem Block::problem(const RectifiedStereo& stereo) const {
   problem.stereo = stereo;
   problem.world_from_left = poses_;
   problem.pose_is_fixed.assign(poses_.size(), 0);
-  if (!poses_.empty()) problem.pose_is_fixed[0] = 1;
+  for (const int start : segment_starts_) problem.pose_is_fixed[start] = 1;
   problem.points_in_world.reserve(points_.size());
   for (const Eigen::Vector3f& p : points_) problem.points_in_world.push_back(p.cast<double>());
   problem.observations = observations_;

@@ -14,6 +14,8 @@ struct Landmark;
 class Block {
  public:
   void set_pose(int keyframe, const Transform& world_from_left);
+  /// The path starts anew at this keyframe: nothing ties it to those before.
+  void start_segment(int keyframe) { segment_starts_.push_back(keyframe); }
   void add_point(const Landmark& landmark);
 
   std::vector<Transform>& poses() { return poses_; }
@@ -24,6 +26,7 @@ class Block {
 
  private:
   std::vector<Transform> poses_;
+  std::vector<int> segment_starts_;
   std::vector<Eigen::Vector3f> points_;
   std::vector<std::uint8_t> greys_;
   std::vector<StereoObservation> observations_;  // frame = keyframe serial, ascending point

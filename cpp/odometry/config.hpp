@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "estimation/fundamental.hpp"
 #include "estimation/robust_loss.hpp"
 
 namespace pilotage {
@@ -21,12 +22,16 @@ struct OdometryConfig {
   int adjust_every = 5;
   double keyframe_parallax_px = 20;
   double keyframe_overlap = 0.7;
+  EpipolarResidual y_parallax = EpipolarResidual::sampson;
   RobustLoss loss = RobustLoss::huber;
   double measurement_sigma_px = 0.2;
   bool smooth_images = true;
   double min_correlation = 0.8;
   double max_depth_m = 1000;
-  int min_inliers = 15;
+  int min_inliers = 20;
+  double right_x_offset_prior_px = 0.3;
+  double scale_sigma = 0.005;
+  int restart_after = 10;
   int threads = 1;
   std::int64_t seed = 1;
 
@@ -43,6 +48,8 @@ struct OdometryConfig {
             "median image motion since the last keyframe that makes a new one");
     visitor("keyframe_overlap", config.keyframe_overlap, 0.0, 1.0,
             "a keyframe is made when fewer than this part of the aimed points are tracked");
+    visitor("y_parallax", config.y_parallax,
+            "residual that shows blunders: sampson (pixels) or paper_f33 (the paper's equation 3)");
     visitor("loss", config.loss, "robust weights: none, danish, huber, cauchy, tukey, geman_mcclure");
     visitor("measurement_sigma_px", config.measurement_sigma_px, 0.01, 5.0,
             "standard error of a matched coordinate");
@@ -50,7 +57,15 @@ struct OdometryConfig {
     visitor("min_correlation", config.min_correlation, 0.0, 1.0,
             "patches that fit worse are no match");
     visitor("max_depth_m", config.max_depth_m, 1.0, 1e6, "points further away are put there");
-    visitor("min_inliers", config.min_inliers, 6, 1000, "fewer matched points mean: lost");
+    visitor("min_inliers", config.min_inliers, 12, 1000,
+            "fewer points that fit mean: degraded; fewer than half of it: lost");
+    visitor("right_x_offset_prior_px", config.right_x_offset_prior_px, 0.0, 10.0,
+            "how far off, in x, a calibrated right picture may be (1 sigma); the adjustment "
+            "estimates it; 0 takes the calibration as exact");
+    visitor("scale_sigma", config.scale_sigma, 0.0, 0.1,
+            "relative error of base and focal length (1 sigma), part of each covariance");
+    visitor("restart_after", config.restart_after, 1, 10000,
+            "lost pairs after which a new segment is begun where the old one ended");
     visitor("threads", config.threads, 1, 64, "threads; results do not depend on it");
     visitor("seed", config.seed, 0, 1000000000, "of the random samples");
   }

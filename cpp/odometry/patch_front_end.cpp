@@ -9,6 +9,8 @@
 namespace pilotage {
 namespace {
 
+/// A landmark not found in so many pairs in a row is left to the adjustment.
+constexpr int max_misses = 2;
 constexpr float nan = std::numeric_limits<float>::quiet_NaN();
 
 /// Offsets in the host's picture per offset in the current one, for a surface that faces the host.
@@ -33,15 +35,15 @@ float match_sigma(float noise_sigma_px, const OdometryConfig& config) {
   return std::sqrt(model * model + noise_sigma_px * noise_sigma_px);
 }
 
-/// Aligns the patch on level 1 and then 0; false when it is not found.
+/// Aligns the patch from the coarse level down to 0; false when it is not found.
 bool find_in_left(const Landmark& landmark, const Keyframe& host, const Pyramid& left,
-                  const Eigen::Matrix2f& warp, const Eigen::Vector2f& predicted,
+                  const Eigen::Matrix2f& warp, const Eigen::Vector2f& predicted, int coarse_level,
                   const OdometryConfig& config, Match& match) {
   PatchTemplate patch;
   PatchAlignmentOptions options;
   Eigen::Vector2f pixel = predicted;
   const float zoom = std::sqrt(std::abs(warp.determinant()));
-  for (int level = 1; level >= 0; --level) {
+  for (int level = coarse_level; level >= 0; --level) {
     const float scale = 1.0f / static_cast<float>(1 << level);
     // A surface that was near and is far now is sampled from a smaller picture of the host.
     const int host_level =
@@ -86,11 +88,12 @@ float match_right(const PyramidPair& pair, const Eigen::Vector2f& left_px, float
 std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
                                  const RectifiedStereo& stereo,
                                  const Transform& predicted_world_from_left,
-                                 const OdometryConfig& config) {
+                                 const PatchSearch& search, const OdometryConfig& config) {
   std::vector<Match> matches;
   const Transform left_from_world = predicted_world_from_left.inverse();
-  for (std::size_t i = 0; i < window.landmarks().size(); ++i) {
+  for (std::size_t i = 0; i < window.landmarks().size(); i += search.every) {
     const Landmark& landmark = window.landmarks()[i];
+    if (landmark.misses >= max_misses) continue;
     const Keyframe& host = window.keyframe(landmark.host);
     const Eigen::Vector3d point = left_from_world * landmark.point_in_world;
     const double host_depth = (host.world_from_left.inverse() * landmark.point_in_world).z();
@@ -100,7 +103,10 @@ std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
         stereo, landmark, left_from_world * host.world_from_left, host_depth);
     Match match;
     match.landmark = static_cast<int>(i);
-    if (!find_in_left(landmark, host, *pair.left, warp, predicted, config, match)) continue;
+    if (!find_in_left(landmark, host, *pair.left, warp, predicted, search.coarse_level, config,
+                      match)) {
+      continue;
+    }
     const float predicted_disparity =
         static_cast<float>(stereo.focal_px * stereo.baseline_m / point.z() +
                            (stereo.cx_px - stereo.cx_right_px));

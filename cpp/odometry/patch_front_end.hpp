@@ -3,34 +3,23 @@
 
 #include <vector>
 
-#include "odometry/window.hpp"
+#include "odometry/matches.hpp"
 
 namespace pilotage {
 
-/// A landmark found again in the current pair.
-struct Match {
-  int landmark = 0;  ///< index in the window's landmarks
-  Eigen::Vector2f left_px = Eigen::Vector2f::Zero();
-  float right_x_px = 0;  ///< NaN when not found in the right picture
-  float y_parallax_px = 0;
-  float left_sigma_px = 1;
-  float right_sigma_px = 1;
-  float correlation = 0;
+/// Which landmarks to look for, and how far from where they are expected.
+struct PatchSearch {
+  int every = 1;         ///< only each so-manieth landmark: a probe of the prediction
+  int coarse_level = 1;  ///< 1: start on the half-size picture; 0: the prediction is good to 2 px
 };
 
-/// A rectified pair and its halved copies.
-struct PyramidPair {
-  std::shared_ptr<Pyramid> left = std::make_shared<Pyramid>();
-  std::shared_ptr<Pyramid> right = std::make_shared<Pyramid>();
-};
-
-/// Finds every landmark of the window in the current pair by aligning the patch its host keyframe
-/// saw, warped to the predicted view, first on the half-size picture and then at full size; the
-/// right picture is then searched along the row with the patch just found in the left one.
+/// Finds the landmarks of the window in the current pair by aligning the patch that the host
+/// keyframe saw, warped to the predicted view; the right picture is then searched along the row with
+/// the patch just found in the left one.
 std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
                                  const RectifiedStereo& stereo,
                                  const Transform& predicted_world_from_left,
-                                 const OdometryConfig& config);
+                                 const PatchSearch& search, const OdometryConfig& config);
 
 /// Where `left_px` of the left picture is in the right one, starting from `right_x_px`; NaN if
 /// nowhere. Also measures the row difference.

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <deque>
 #include <memory>
 #include <vector>
 
 #include "geometry/rectification.hpp"
+#include "odometry/calibration_monitor.hpp"
 #include "odometry/config.hpp"
-#include "odometry/patch_front_end.hpp"
+#include "odometry/matches.hpp"
+#include "odometry/picture_check.hpp"
+#include "odometry/pose_step.hpp"
+#include "odometry/recovery.hpp"
 #include "odometry/result.hpp"
 #include "odometry/window.hpp"
 #include "tracking/harris.hpp"
@@ -22,67 +25,87 @@ namespace pilotage {
 /// adjustment every few pairs and of the whole block at the end. Not safe to call from two threads.
 class StereoOdometry {
  public:
+  /// Throws std::invalid_argument when the rig is no usable pair.
   StereoOdometry(const StereoRig& rig, const OdometryConfig& config);
 
-  /// Takes the next pair; both pictures as calibrated, times rising.
+  /// Takes the next pair; both pictures as calibrated, times rising. Throws std::invalid_argument
+  /// for a picture of another size or a time that does not rise; the pair then counts as not given.
   OdometryResult track(const ImageView& left, const ImageView& right, std::int64_t timestamp_ns);
   /// A pair that could not be read: time passes, nothing is known.
   OdometryResult skip(std::int64_t timestamp_ns);
-  /// Adjusts the whole block; returns a result for every pair given so far.
+  /// Adjusts the whole block; returns a result for every pair given. Call it once, at the end.
   std::vector<OdometryResult> finish();
 
   const OdometryConfig& config() const { return config_; }
-  const RectifiedStereo& stereo() const { return stereo_; }
-  /// Points of the scene in the world, after `finish`, with the grey value seen.
-  std::vector<Eigen::Vector3f> points() const { return block_.points(); }
-  std::vector<std::uint8_t> point_greys() const { return block_.greys(); }
+  /// Points of the scene, in the world of the results, after `finish`; and the grey values seen.
+  std::vector<Eigen::Vector3f> points() const;
+  const std::vector<std::uint8_t>& point_greys() const { return block_.greys(); }
+  CalibrationCheck calibration_check() const { return monitor_.check(); }
+  /// CPU time that `finish` took, all threads.
   double adjustment_cpu_ms() const { return adjustment_cpu_ms_; }
 
  private:
-  /// What is kept of every pair: its pose relative to a keyframe, and what was said of it.
+  /// What is kept of every pair: what was said of it, and its pose relative to a keyframe.
   struct PairRecord {
     OdometryResult result;
-    int keyframe = -1;  ///< serial, -1: no pose
+    int keyframe = -1;  ///< serial; -1: no pose
     Transform keyframe_from_left;
+    Eigen::Matrix<float, 6, 6> relative_covariance = Eigen::Matrix<float, 6, 6>::Zero();
   };
-  struct PoseStep {
-    bool ok = false;
-    Transform world_from_left;
-    Matrix6d covariance = Matrix6d::Zero();
-    std::vector<char> inlier;
-    int inliers = 0;
-    float rms_px = 0;
-    float y_parallax_px = 0;
+  struct Tracked {
+    std::vector<Match> matches;
+    PoseStep step;
   };
 
+  void check_pair(const ImageView& left, const ImageView& right, std::int64_t timestamp_ns) const;
   PyramidPair prepare(const ImageView& left, const ImageView& right);
+  OdometryResult start(const PyramidPair& pair, std::int64_t timestamp_ns);
   Transform predict(const PyramidPair& pair, std::int64_t timestamp_ns) const;
-  PoseStep resect(const std::vector<Match>& matches, const Transform& predicted) const;
-  bool needs_keyframe(const std::vector<Match>& matches, const PoseStep& step) const;
-  void make_keyframe(const PyramidPair& pair, const Transform& world_from_left,
-                     const std::vector<Match>& matches, const std::vector<char>& inlier);
-  void add_new_points(const PyramidPair& pair, const std::vector<Eigen::Vector2f>& occupied);
-  OdometryResult report(const Transform& world_from_left, std::int64_t timestamp_ns) const;
-  Transform robot_pose(const Transform& world_from_left) const;
+  Tracked follow(const PyramidPair& pair, const Transform& predicted) const;
+  Tracked recover(const PyramidPair& pair);
+  void note_matches(const Tracked& tracked);
+  bool needs_keyframe(const Tracked& tracked) const;
+  void make_keyframe(const PyramidPair& pair, const Tracked& tracked);
+  std::vector<Landmark> add_sightings(const Keyframe& keyframe, const Tracked& tracked,
+                                      std::vector<Eigen::Vector2f>& occupied);
+  void adjust_window();
+  void remember(const PyramidPair& pair, const Transform& world_from_left,
+                std::int64_t timestamp_ns);
+  OdometryResult lose(const PyramidPair& pair, const Tracked& tracked, std::int64_t timestamp_ns);
+  Reason explain(const PyramidPair& pair, const Tracked& tracked) const;
+  OdometryResult report(const Tracked& tracked, bool is_keyframe, std::int64_t timestamp_ns);
+  void place(OdometryResult& result, const Transform& world_from_left,
+             const Matrix6d& covariance) const;
+  void adjust_block();
 
   OdometryConfig config_;
   Rectifier rectifier_;
-  RectifiedStereo stereo_;
+  RectifiedStereo stereo_;  ///< as calibrated, but for the offset found
   Transform robot_from_rectified_;
   HarrisDetector detector_;
   Window window_;
   Block block_;
+  Recovery recovery_;
+  CalibrationMonitor monitor_;
 
   Image rectified_left_, rectified_right_;
   PyramidPair previous_;
-  Transform previous_world_from_left_;
-  Transform velocity_;  ///< previous_from_before
   std::vector<DepthPoint> previous_points_;
+  Transform previous_world_from_left_;
+  Transform before_from_previous_;  ///< the last motion seen, backwards
+  double motion_s_ = 0;             ///< the time it took; 0: unknown
   std::int64_t previous_timestamp_ns_ = 0;
+  int lost_pairs_ = 0;
   int pairs_since_keyframe_ = 0;
-  std::int64_t next_landmark_ = 0;
+  int segment_ = 0;
+  Transform segment_start_;
+  Matrix6d segment_covariance_ = Matrix6d::Zero();  ///< of the gaps so far
+  float usual_sharpness_ = 0;
+  double sigma0_ = 1;
   int next_keyframe_ = 0;
   std::vector<PairRecord> records_;
+  std::vector<Matrix6d> block_covariances_;
+  bool is_finished_ = false;
   double adjustment_cpu_ms_ = 0;
 };
 

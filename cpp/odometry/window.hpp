@@ -27,7 +27,9 @@ struct Landmark {
   int host = 0;
   Eigen::Vector2f host_px = Eigen::Vector2f::Zero();
   std::uint8_t grey = 0;
-  int outlier_count = 0;
+  bool was_matched = false;  ///< in the previous pair, at `previous_px`
+  Eigen::Vector2f previous_px = Eigen::Vector2f::Zero();
+  int misses = 0;  ///< pairs in a row in which it was not found
   std::vector<Sighting> sightings;
 };
 
@@ -49,6 +51,10 @@ class Window {
   std::vector<Landmark>& landmarks() { return landmarks_; }
   const std::vector<Landmark>& landmarks() const { return landmarks_; }
   bool empty() const { return keyframes_.empty(); }
+  /// Full, so that the next keyframe lets the oldest one go.
+  bool is_full() const {
+    return static_cast<int>(keyframes_.size()) >= config_.window_keyframes;
+  }
 
   void add_keyframe(Keyframe keyframe) { keyframes_.push_back(std::move(keyframe)); }
   /// Adjusts poses and points; sightings that do not fit are dropped.
@@ -59,9 +65,11 @@ class Window {
   /// Forgets landmarks for which `gone` holds, leaving their sightings to `block`.
   void remove_landmarks(const std::vector<char>& gone, Block& block);
   void clear(Block& block);
+  /// The rig as it is believed to be now.
+  void set_stereo(const RectifiedStereo& stereo) { stereo_ = stereo; }
+  BundleProblem problem() const;
 
  private:
-  BundleProblem problem() const;
 
   OdometryConfig config_;
   RectifiedStereo stereo_;

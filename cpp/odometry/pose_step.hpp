@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "estimation/pose_quality.hpp"
+#include "odometry/matches.hpp"
+
+namespace pilotage {
+
+/// Steps 5 and 6 of the method: what the matches say about the pose.
+struct PoseStep {
+  PoseQuality quality = PoseQuality::lost;
+  Transform world_from_left;
+  Matrix6d covariance = Matrix6d::Zero();  ///< left perturbation, given the points
+  std::vector<char> inlier;                ///< one a match
+  int inliers = 0;
+  float rms_px = 0;
+  float y_parallax_px = 0;  ///< m_q between the previous and the current left picture
+  /// Median residual in the right picture over that in the left one: far above 1 when the pictures
+  /// were not taken together.
+  float right_to_left = 1;
+};
+
+/// Rejects blunders by epipolar geometry, finds the pose by P3P RANSAC and adjusts it robustly.
+PoseStep solve_pose(const Window& window, const std::vector<Match>& matches,
+                    const RectifiedStereo& stereo, const Transform& predicted_world_from_left,
+                    const OdometryConfig& config);
+
+/// The pose from few, good matches near a good prediction: adjustment only.
+Transform refine_prediction(const Window& window, const std::vector<Match>& matches,
+                            const RectifiedStereo& stereo,
+                            const Transform& predicted_world_from_left,
+                            const OdometryConfig& config);
+
+}  // namespace pilotage
