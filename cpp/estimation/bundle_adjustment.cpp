@@ -15,7 +15,7 @@ constexpr double kMaximumDamping = 1e8;
 /// Cost per observation below which nothing but rounding is left.
 constexpr double kNoiseFreeCost = 1e-20;
 /// Relative rise of the cost that is rounding at the minimum, not a bad step.
-constexpr double kRoundingRise = 1e-11;
+constexpr double kRoundingRise = 1e-7;
 
 /// Danish weights change with the iteration until the fourth.
 int iterations_before_convergence(RobustLoss loss) { return loss == RobustLoss::danish ? 4 : 1; }
