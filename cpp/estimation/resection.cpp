@@ -23,6 +23,8 @@ constexpr double length_scale_3 = 1.2541669926523020;
 constexpr double length_median_2 = 1.1774100225154749;
 constexpr double length_median_3 = 1.5381722544552022;
 constexpr double inlier_limit = 3.0;
+/// Of the matches; with less weight than this the pose is not near its optimum.
+constexpr double min_weight_share = 0.2;
 /// A step that moves the pose by less than this part of its standard error (squared) ends it.
 constexpr double converged_step2 = 1e-6;
 
@@ -73,7 +75,8 @@ class Resection {
   void linearise(const Transform& camera_from_world);
   void whiten(Equation& equation, Vector3d sigma2, const Matrix3d& world_covariance) const;
   void estimate_sigma();
-  void weigh(int iteration);
+  double weigh(int iteration);
+  void choose_weights(int iteration);
   void accumulate();
   void add_prediction(const Transform& camera_from_world);
   double cost(const Transform& camera_from_world) const;
@@ -142,6 +145,7 @@ void Resection::linearise(const Transform& camera_from_world) {
   }
 }
 
+/// By MAD, not limited yet.
 void Resection::estimate_sigma() {
   lengths_.clear();
   for (const Equation& e : equations_) {
@@ -151,16 +155,31 @@ void Resection::estimate_sigma() {
   const auto middle = lengths_.begin() + lengths_.size() / 2;
   if (middle == lengths_.end()) return;
   std::nth_element(lengths_.begin(), middle, lengths_.end());
-  sigma0_ = std::clamp(*middle, options_.min_sigma0, options_.max_sigma0);
+  sigma0_ = *middle;
 }
 
-void Resection::weigh(int iteration) {
+/// Returns the sum of the robust weights.
+double Resection::weigh(int iteration) {
+  double sum = 0;
   for (Equation& e : equations_) {
     e.weight = 0;
     if (e.dimension == 0) continue;
     const double normalised = e.length / (sigma0_ * length_scale(e.dimension));
-    e.weight = robust_weight(options_.loss, normalised, iteration) / (sigma0_ * sigma0_);
+    const double weight = robust_weight(options_.loss, normalised, iteration);
+    sum += weight;
+    e.weight = weight / (sigma0_ * sigma0_);
   }
+  return sum;
+}
+
+void Resection::choose_weights(int iteration) {
+  estimate_sigma();
+  const double unlimited = sigma0_;
+  sigma0_ = std::clamp(sigma0_, options_.min_sigma0, options_.max_sigma0);
+  if (weigh(iteration) >= min_weight_share * usable_ || unlimited <= sigma0_) return;
+  // Hardly a match fits: the start is far off, and weights must let it come closer first.
+  sigma0_ = unlimited;
+  weigh(iteration);
 }
 
 void Resection::accumulate() {
@@ -293,8 +312,7 @@ ResectionResult Resection::run(const Transform& start) {
       return result;
     }
     result.iterations = iteration;
-    estimate_sigma();
-    weigh(iteration);
+    choose_weights(iteration);
     accumulate();
     add_prediction(pose);
     double step2 = 0;
@@ -308,6 +326,7 @@ ResectionResult Resection::run(const Transform& start) {
   }
   if (result.termination == Termination::numerical_failure) return result;
   estimate_sigma();
+  sigma0_ = std::clamp(sigma0_, options_.min_sigma0, options_.max_sigma0);
   finish(pose, result);
   return result;
 }
