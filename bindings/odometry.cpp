@@ -28,9 +28,9 @@ struct Names<EpipolarResidual> {
 template <>
 struct Names<RobustLoss> {
   static constexpr std::pair<RobustLoss, const char*> list[] = {
-      {RobustLoss::none, "none"},     {RobustLoss::danish, "danish"},
-      {RobustLoss::huber, "huber"},   {RobustLoss::cauchy, "cauchy"},
-      {RobustLoss::tukey, "tukey"},   {RobustLoss::geman_mcclure, "geman_mcclure"}};
+      {RobustLoss::none, "none"},   {RobustLoss::danish, "danish"},
+      {RobustLoss::huber, "huber"}, {RobustLoss::cauchy, "cauchy"},
+      {RobustLoss::tukey, "tukey"}, {RobustLoss::geman_mcclure, "geman_mcclure"}};
 };
 
 template <typename Enum>
@@ -91,11 +91,11 @@ struct SetField {
   void operator()(const char* key, T& member, Bound low, Bound high, const char*) const {
     if (wanted != key) return;
     found = true;
-    const std::string allowed = (std::is_integral_v<T> ? "a whole number from " : "a number from ") +
-                                text_of(nb::cast(low)) + " to " + text_of(nb::cast(high));
-    const bool is_number =
-        (nb::isinstance<nb::int_>(value) && !nb::isinstance<nb::bool_>(value)) ||
-        (!std::is_integral_v<T> && nb::isinstance<nb::float_>(value));
+    const std::string allowed =
+        (std::is_integral_v<T> ? "a whole number from " : "a number from ") +
+        text_of(nb::cast(low)) + " to " + text_of(nb::cast(high));
+    const bool is_number = (nb::isinstance<nb::int_>(value) && !nb::isinstance<nb::bool_>(value)) ||
+                           (!std::is_integral_v<T> && nb::isinstance<nb::float_>(value));
     double number = 0;
     if (!is_number || !nb::try_cast(value, number)) refuse(key, text_of(value), allowed);
     if (!(number >= static_cast<double>(low) && number <= static_cast<double>(high))) {
@@ -177,14 +177,16 @@ void bind_result(nb::module_& m) {
       .def_ro("timestamp_ns", &OdometryResult::timestamp_ns)
       .def_ro("status", &OdometryResult::status)
       .def_ro("reason", &OdometryResult::reason)
-      .def_ro("world_from_left", &OdometryResult::world_from_robot,
-              "Pose of the left camera (of the robot when the rig says where it sits); None if lost")
-      .def_prop_ro("covariance",
-                   [](const OdometryResult& self) -> std::optional<Matrix6d> {
-                     if (!self.world_from_robot) return std::nullopt;
-                     return self.covariance;
-                   },
-                   "(6, 6): x y z in metres along the world's axes, rotation in radians about them")
+      .def_ro(
+          "world_from_left", &OdometryResult::world_from_robot,
+          "Pose of the left camera (of the robot when the rig says where it sits); None if lost")
+      .def_prop_ro(
+          "covariance",
+          [](const OdometryResult& self) -> std::optional<Matrix6d> {
+            if (!self.world_from_robot) return std::nullopt;
+            return self.covariance;
+          },
+          "(6, 6): x y z in metres along the world's axes, rotation in radians about them")
       .def_ro("segment", &OdometryResult::segment)
       .def_ro("matches", &OdometryResult::matches)
       .def_ro("inliers", &OdometryResult::inliers)
@@ -231,14 +233,15 @@ void bind_odometry(nb::module_& m) {
       .def("skip", &StereoOdometry::skip, "timestamp_ns"_a, "A pair that could not be read.")
       .def("finish", &StereoOdometry::finish, nb::call_guard<nb::gil_scoped_release>(),
            "Adjust the whole block; a result for every pair given.")
-      .def("points",
-           [](const StereoOdometry& self) { return to_numpy<float, 3>(self.points()); },
-           "(N, 3) points of the scene in the world, metres, after finish().")
-      .def("point_greys",
-           [](const StereoOdometry& self) {
-             return to_numpy(std::vector<std::uint8_t>(self.point_greys()));
-           },
-           "(N,) uint8 grey value of each point.")
+      .def(
+          "points", [](const StereoOdometry& self) { return to_numpy<float, 3>(self.points()); },
+          "(N, 3) points of the scene in the world, metres, after finish().")
+      .def(
+          "point_greys",
+          [](const StereoOdometry& self) {
+            return to_numpy(std::vector<std::uint8_t>(self.point_greys()));
+          },
+          "(N,) uint8 grey value of each point.")
       .def("calibration_check", &StereoOdometry::calibration_check,
            "What the pictures say of the rig's systematic errors so far.")
       .def_prop_ro("adjustment_cpu_ms", &StereoOdometry::adjustment_cpu_ms);

@@ -24,14 +24,14 @@ struct OdometryConfig {
   double keyframe_overlap = 0.7;
   EpipolarResidual y_parallax = EpipolarResidual::sampson;
   RobustLoss loss = RobustLoss::huber;
-  double measurement_sigma_px = 0.2;
-  bool smooth_images = true;
+  double measurement_sigma_px = 0.1;
+  bool smooth_images = false;
   double min_correlation = 0.8;
   double max_depth_m = 1000;
   int min_inliers = 20;
   double right_x_offset_prior_px = 0.3;
   double scale_sigma = 0.005;
-  int restart_after = 10;
+  double restart_after_s = 0.5;
   int threads = 1;
   std::int64_t seed = 1;
 
@@ -50,7 +50,8 @@ struct OdometryConfig {
             "a keyframe is made when fewer than this part of the aimed points are tracked");
     visitor("y_parallax", config.y_parallax,
             "residual that shows blunders: sampson (pixels) or paper_f33 (the paper's equation 3)");
-    visitor("loss", config.loss, "robust weights: none, danish, huber, cauchy, tukey, geman_mcclure");
+    visitor("loss", config.loss,
+            "robust weights: none, danish, huber, cauchy, tukey, geman_mcclure");
     visitor("measurement_sigma_px", config.measurement_sigma_px, 0.01, 5.0,
             "standard error of a matched coordinate");
     visitor("smooth_images", config.smooth_images, "smooth pictures before patches are compared");
@@ -64,8 +65,8 @@ struct OdometryConfig {
             "estimates it; 0 takes the calibration as exact");
     visitor("scale_sigma", config.scale_sigma, 0.0, 0.1,
             "relative error of base and focal length (1 sigma), part of each covariance");
-    visitor("restart_after", config.restart_after, 1, 10000,
-            "lost pairs after which a new segment is begun where the old one ended");
+    visitor("restart_after_s", config.restart_after_s, 0.0, 1e6,
+            "lost for so long, a new segment is begun where the old one ended");
     visitor("threads", config.threads, 1, 64, "threads; results do not depend on it");
     visitor("seed", config.seed, 0, 1000000000, "of the random samples");
   }

@@ -43,13 +43,12 @@ Landmark make_landmark(const PyramidPair& pair, const Keyframe& keyframe,
   landmark.host_px = left_px;
   landmark.was_matched = true;
   landmark.previous_px = left_px;
-  landmark.grey = pair.left->level(0).at(static_cast<int>(left_px.x()),
-                                         static_cast<int>(left_px.y()));
+  landmark.grey =
+      pair.left->level(0).at(static_cast<int>(left_px.x()), static_cast<int>(left_px.y()));
   const double disparity = stereo.disparity(left_px.x(), right_x_px);
   const double depth = disparity > 0 ? stereo.depth_m(disparity) : config.max_depth_m;
-  landmark.point_in_world =
-      keyframe.world_from_left *
-      (stereo.ray(left_px.cast<double>()) * std::min(depth, config.max_depth_m));
+  landmark.point_in_world = keyframe.world_from_left * (stereo.ray(left_px.cast<double>()) *
+                                                        std::min(depth, config.max_depth_m));
   landmark.sightings.push_back({keyframe.serial, left_px, right_x_px,
                                 static_cast<float>(config.measurement_sigma_px), right_sigma_px});
   return landmark;
@@ -80,8 +79,7 @@ std::vector<Landmark> find_new_landmarks(HarrisDetector& detector, const Pyramid
     float sigma = 0, y_parallax = 0;
     const float right_x = match_right(pair, pixels[i], starts[i], config, sigma, y_parallax);
     if (std::isnan(right_x)) continue;
-    landmarks.push_back(
-        make_landmark(pair, keyframe, pixels[i], right_x, sigma, stereo, config));
+    landmarks.push_back(make_landmark(pair, keyframe, pixels[i], right_x, sigma, stereo, config));
   }
   return landmarks;
 }

@@ -75,8 +75,8 @@ float match_right(const PyramidPair& pair, const Eigen::Vector2f& left_px, float
   if (!make_template(pair.left->level(0), left_px, Eigen::Matrix2f::Identity(), patch)) return nan;
   PatchAlignmentOptions options;
   options.max_shift_px = 4;
-  const PatchAlignment found = align_patch_in_row(pair.right->level(0), patch,
-                                                  {right_x_px, left_px.y()}, options);
+  const PatchAlignment found =
+      align_patch_in_row(pair.right->level(0), patch, {right_x_px, left_px.y()}, options);
   if (!found.converged || found.correlation < config.min_correlation) return nan;
   sigma_px = match_sigma(row_shift_sigma_px(patch, found.noise_grey), config);
   options.max_iterations = 1;
@@ -107,9 +107,8 @@ std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
                       match)) {
       continue;
     }
-    const float predicted_disparity =
-        static_cast<float>(stereo.focal_px * stereo.baseline_m / point.z() +
-                           (stereo.cx_px - stereo.cx_right_px));
+    const float predicted_disparity = static_cast<float>(
+        stereo.focal_px * stereo.baseline_m / point.z() + (stereo.cx_px - stereo.cx_right_px));
     match.right_x_px = match_right(pair, match.left_px, match.left_px.x() - predicted_disparity,
                                    config, match.right_sigma_px, match.y_parallax_px);
     matches.push_back(match);

@@ -14,8 +14,8 @@ struct PatchSearch {
 };
 
 /// Finds the landmarks of the window in the current pair by aligning the patch that the host
-/// keyframe saw, warped to the predicted view; the right picture is then searched along the row with
-/// the patch just found in the left one.
+/// keyframe saw, warped to the predicted view; the right picture is then searched along the row
+/// with the patch just found in the left one.
 std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
                                  const RectifiedStereo& stereo,
                                  const Transform& predicted_world_from_left,

@@ -14,20 +14,48 @@ namespace {
 struct Selection {
   std::vector<int> index;
   std::vector<Eigen::Vector3d> points_in_predicted;
+  std::vector<Eigen::Matrix3d> covariances;
   std::vector<StereoObservation> observations;
   std::vector<float> qualities;
+
+  void take(const Selection& other, std::size_t k) {
+    index.push_back(other.index[k]);
+    points_in_predicted.push_back(other.points_in_predicted[k]);
+    covariances.push_back(other.covariances[k]);
+    observations.push_back(other.observations[k]);
+    qualities.push_back(other.qualities[k]);
+  }
 };
 
+/// Covariance of a landmark's place: that of its intersection in its host pair, better with the
+/// number of pairs that saw it. What its place says about depth is what matters here.
+Eigen::Matrix3d point_covariance(const Window& window, const Landmark& landmark,
+                                 const RectifiedStereo& stereo,
+                                 const Eigen::Matrix3d& predicted_from_world) {
+  const Sighting& first = landmark.sightings.front();
+  const Keyframe& host = window.keyframe(landmark.host);
+  const Eigen::Vector3d p = host.world_from_left.inverse() * landmark.point_in_world;
+  const double sigma_px = std::hypot(first.left_sigma_px, first.right_sigma_px);
+  const double depth_sigma_m = p.z() * p.z() / (stereo.focal_px * stereo.baseline_m) * sigma_px;
+  // Along the host's ray; across it the patch is exact by definition.
+  const Eigen::Vector3d along = predicted_from_world * (host.world_from_left.rotation * p) / p.z();
+  const double n = static_cast<double>(landmark.sightings.size());
+  return (depth_sigma_m * depth_sigma_m / n) * along * along.transpose();
+}
+
 Selection select(const Window& window, const std::vector<Match>& matches,
-                 const std::vector<char>& kept, const Transform& predicted_from_world) {
+                 const std::vector<char>& kept, const RectifiedStereo& stereo,
+                 const Transform& predicted_from_world) {
   Selection selection;
+  const Eigen::Matrix3d rotation = predicted_from_world.rotation.toRotationMatrix();
   for (std::size_t i = 0; i < matches.size(); ++i) {
     if (!kept[i]) continue;
     const Match& m = matches[i];
+    const Landmark& landmark = window.landmarks()[m.landmark];
+    selection.covariances.push_back(point_covariance(window, landmark, stereo, rotation));
     selection.index.push_back(static_cast<int>(i));
     // Coordinates near the camera: numbers stay small however far the path went.
-    selection.points_in_predicted.push_back(predicted_from_world *
-                                            window.landmarks()[m.landmark].point_in_world);
+    selection.points_in_predicted.push_back(predicted_from_world * landmark.point_in_world);
     selection.observations.push_back(
         {0, 0, m.left_px.x(), m.left_px.y(), m.right_x_px, m.left_sigma_px, m.right_sigma_px});
     selection.qualities.push_back(m.correlation);
@@ -75,8 +103,8 @@ float right_to_left_ratio(const Selection& selection, const RectifiedStereo& ste
     const StereoObservation& o = selection.observations[k];
     const Eigen::Vector3d p = camera_from_predicted * selection.points_in_predicted[k];
     if (p.z() <= 0 || std::isnan(o.right_x_px)) continue;
-    left.push_back((stereo.project_left(p).cast<float>() -
-                    Eigen::Vector2f(o.left_x_px, o.left_y_px)).norm());
+    left.push_back(
+        (stereo.project_left(p).cast<float>() - Eigen::Vector2f(o.left_x_px, o.left_y_px)).norm());
     right.push_back(std::abs(static_cast<float>(stereo.project_right(p).x()) - o.right_x_px));
   }
   return quantile(right, 0.5) / std::max(0.1f, quantile(left, 0.5));
@@ -86,8 +114,8 @@ float right_to_left_ratio(const Selection& selection, const RectifiedStereo& ste
 
 float quantile(std::vector<float> values, double part) {
   if (values.empty()) return 0;
-  const auto place = values.begin() + static_cast<std::ptrdiff_t>(
-                                          part * static_cast<double>(values.size() - 1));
+  const auto place =
+      values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), place, values.end());
   return *place;
 }
@@ -100,25 +128,21 @@ PoseStep solve_pose(const Window& window, const std::vector<Match>& matches,
   if (static_cast<int>(matches.size()) < config.min_inliers) return step;
   const std::vector<char> kept = without_blunders(window, matches, config, step.y_parallax_px);
   const Selection selection =
-      select(window, matches, kept, predicted_world_from_left.inverse());
+      select(window, matches, kept, stereo, predicted_world_from_left.inverse());
   PoseRansacOptions ransac;
   ransac.seed = static_cast<std::uint64_t>(config.seed);
   const PoseRansacResult sampled =
-      resect_ransac(selection.points_in_predicted, selection.observations, stereo, ransac, {},
-                    selection.qualities);
+      resect_ransac(selection.points_in_predicted, selection.observations, stereo, ransac,
+                    selection.covariances, selection.qualities);
   if (!sampled.camera_from_points) return step;
   ResectionOptions options;
   options.loss = config.loss;
   Selection inliers;
   for (std::size_t k = 0; k < selection.index.size(); ++k) {
-    if (!sampled.inlier[k]) continue;
-    inliers.index.push_back(selection.index[k]);
-    inliers.points_in_predicted.push_back(selection.points_in_predicted[k]);
-    inliers.observations.push_back(selection.observations[k]);
+    if (sampled.inlier[k]) inliers.take(selection, k);
   }
-  const ResectionResult result =
-      resect(inliers.points_in_predicted, inliers.observations, stereo,
-             *sampled.camera_from_points, options);
+  const ResectionResult result = resect(inliers.points_in_predicted, inliers.observations, stereo,
+                                        *sampled.camera_from_points, options, inliers.covariances);
   if (!result.camera_from_world) return step;
   AcceptanceRule rule;
   rule.min_inliers = config.min_inliers;
@@ -140,13 +164,13 @@ Transform refine_prediction(const Window& window, const std::vector<Match>& matc
                             const RectifiedStereo& stereo,
                             const Transform& predicted_world_from_left,
                             const OdometryConfig& config) {
-  const Selection selection = select(window, matches, std::vector<char>(matches.size(), 1),
+  const Selection selection = select(window, matches, std::vector<char>(matches.size(), 1), stereo,
                                      predicted_world_from_left.inverse());
   ResectionOptions options;
   options.loss = config.loss;
   options.max_iterations = 8;
   const ResectionResult result = resect(selection.points_in_predicted, selection.observations,
-                                        stereo, Transform{}, options);
+                                        stereo, Transform{}, options, selection.covariances);
   if (!result.camera_from_world || result.inlier_count < config.min_inliers) {
     return predicted_world_from_left;
   }

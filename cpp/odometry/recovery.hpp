@@ -24,23 +24,31 @@ class Recovery {
   struct Found {
     Transform reference_from_current;
     int inliers = 0;
-    /// Pixels of the reference picture, right x and that agreed with the pose: future landmarks.
+    /// Pixels of the reference picture, and right x, that agreed with the pose: future landmarks.
     std::vector<Eigen::Vector2f> reference_px;
     std::vector<float> right_x_px;
   };
-  /// Empty when nothing convincing was found.
+  /// Empty when nothing convincing was found. Upright descriptors are tried first, as they
+  /// distinguish more; turned ones when the camera seems to have rolled.
   std::optional<Found> find(const PyramidPair& pair);
 
  private:
-  void describe_reference();
+  /// Features of the reference that have depth.
+  struct Described {
+    bool is_done = false;
+    Features features;
+    std::vector<Eigen::Vector3d> points_in_reference;
+    std::vector<Eigen::Matrix3d> covariances;
+    std::vector<float> right_x_px;
+  };
+
+  void describe_reference(bool is_oriented);
+  std::optional<Found> find(const PyramidPair& pair, bool is_oriented);
 
   RectifiedStereo stereo_;
   OdometryConfig config_;
   PyramidPair reference_;
-  bool is_described_ = false;
-  Features features_;                   ///< of the reference, those with depth
-  std::vector<Eigen::Vector3d> points_;  ///< in the reference camera
-  std::vector<float> right_x_px_;
+  Described upright_, oriented_;
 };
 
 }  // namespace pilotage

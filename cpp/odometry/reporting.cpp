@@ -27,8 +27,7 @@ void StereoOdometry::place(OdometryResult& result, const Transform& world_from_l
   const Matrix6d turn = adjoint(robot_from_rectified_);
   result.covariance = about_the_pose(turn * covariance * turn.transpose(), pose.translation);
   const Eigen::Vector3d way =
-      robot_from_rectified_.rotation *
-      (world_from_left.translation - segment_start_.translation);
+      robot_from_rectified_.rotation * (world_from_left.translation - segment_start_.translation);
   result.covariance.topLeftCorner<3, 3>() +=
       config_.scale_sigma * config_.scale_sigma * way * way.transpose();
   result.covariance += segment_covariance_;
@@ -53,8 +52,8 @@ OdometryResult StereoOdometry::report(const Tracked& tracked, bool is_keyframe,
   result.y_parallax_px = step.y_parallax_px;
   result.status = step.quality == PoseQuality::tracking ? Status::tracking : Status::degraded;
   if (result.status == Status::degraded) {
-    result.reason = segment_ > 0 && step.rms_px == 0 ? Reason::frames_missing
-                                                     : Reason::too_few_points;
+    result.reason =
+        segment_ > 0 && step.rms_px == 0 ? Reason::frames_missing : Reason::too_few_points;
   }
   if (step.right_to_left > 5) {
     result.status = Status::degraded;
@@ -112,8 +111,7 @@ std::vector<OdometryResult> StereoOdometry::finish() {
   for (const PairRecord& record : records_) {
     OdometryResult result = record.result;
     if (record.keyframe >= 0) {
-      const Transform world_from_left =
-          block_.poses()[record.keyframe] * record.keyframe_from_left;
+      const Transform world_from_left = block_.poses()[record.keyframe] * record.keyframe_from_left;
       Matrix6d covariance = record.relative_covariance.cast<double>();
       if (record.keyframe < static_cast<int>(block_covariances_.size())) {
         covariance += sigma0_ * sigma0_ * block_covariances_[record.keyframe];

@@ -49,9 +49,9 @@ enum class CalibrationVerdict { unobservable, consistent, inconsistent };
 /// Systematic errors of the rig, estimated from the pictures themselves.
 struct CalibrationCheck {
   CalibrationVerdict verdict = CalibrationVerdict::unobservable;
-  double right_x_offset_px = 0;        ///< constant error of the right picture in x
+  double right_x_offset_px = 0;  ///< constant error of the right picture in x
   double right_x_offset_sigma_px = 0;
-  double y_parallax_px = 0;            ///< median row difference of homologous points
+  double y_parallax_px = 0;  ///< median row difference of homologous points
   double y_parallax_sigma_px = 0;
 };
 

@@ -20,10 +20,10 @@ constexpr int probes = 60;
 
 void check_size(const ImageView& image, const RectifiedStereo& stereo, const char* side) {
   if (image.width == stereo.width_px && image.height == stereo.height_px) return;
-  throw std::invalid_argument(
-      std::string(side) + " picture is " + std::to_string(image.width) + "x" +
-      std::to_string(image.height) + ", must be " + std::to_string(stereo.width_px) + "x" +
-      std::to_string(stereo.height_px) + " as calibrated");
+  throw std::invalid_argument(std::string(side) + " picture is " + std::to_string(image.width) +
+                              "x" + std::to_string(image.height) + ", must be " +
+                              std::to_string(stereo.width_px) + "x" +
+                              std::to_string(stereo.height_px) + " as calibrated");
 }
 
 /// Part `t` of a motion, and beyond it for t > 1.
@@ -168,10 +168,9 @@ StereoOdometry::Tracked StereoOdometry::recover(const PyramidPair& pair) {
   const Keyframe& reference = window_.keyframes().back();
   // What the descriptors agreed on joins the map, so that there is something to follow.
   for (std::size_t i = 0; i < found->reference_px.size(); ++i) {
-    window_.landmarks().push_back(
-        make_landmark(recovery_.reference(), reference, found->reference_px[i],
-                      found->right_x_px[i], static_cast<float>(config_.measurement_sigma_px),
-                      stereo_, config_));
+    window_.landmarks().push_back(make_landmark(
+        recovery_.reference(), reference, found->reference_px[i], found->right_x_px[i],
+        static_cast<float>(config_.measurement_sigma_px), stereo_, config_));
     window_.landmarks().back().was_matched = false;
   }
   for (Landmark& landmark : window_.landmarks()) landmark.misses = 0;
@@ -277,7 +276,8 @@ void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_fr
   previous_ = pair;
   lost_pairs_ = 0;
   const float sharpness = describe_picture(*pair.left).sharpness;
-  usual_sharpness_ = usual_sharpness_ > 0 ? 0.95f * usual_sharpness_ + 0.05f * sharpness : sharpness;
+  usual_sharpness_ =
+      usual_sharpness_ > 0 ? 0.95f * usual_sharpness_ + 0.05f * sharpness : sharpness;
   previous_points_.clear();
   const Transform left_from_world = world_from_left.inverse();
   for (const Landmark& landmark : window_.landmarks()) {
@@ -309,6 +309,12 @@ Reason StereoOdometry::explain(const PyramidPair& pair, const Tracked& tracked) 
 
 OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& tracked,
                                     std::int64_t timestamp_ns) {
+  ++lost_pairs_;
+  const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
+  if (gap_s > config_.restart_after_s) {
+    begin_segment(gap_s);
+    return start(pair, timestamp_ns);
+  }
   PairRecord record;
   record.result.timestamp_ns = timestamp_ns;
   record.result.reason = explain(pair, tracked);
@@ -316,21 +322,20 @@ OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& trac
   record.result.inliers = tracked.step.inliers;
   record.result.segment = segment_;
   records_.push_back(record);
-  if (++lost_pairs_ < config_.restart_after) return record.result;
-  // Nothing here was seen before: begin anew where the path ended, and say how little is known of
-  // the way between.
-  const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
+  return record.result;
+}
+
+/// Nothing here was seen before: the path goes on where it ended, with as little trust as there is
+/// knowledge of the way between.
+void StereoOdometry::begin_segment(double gap_s) {
   const double speed_m_s =
       motion_s_ > 0 ? before_from_previous_.translation.norm() / motion_s_ : 1.0;
   const double position_sigma_m = std::max(1.0, speed_m_s) * gap_s;
   constexpr double rotation_sigma_rad = 1.0;
-  Matrix6d gap = Matrix6d::Zero();
-  gap.diagonal().head<3>().setConstant(position_sigma_m * position_sigma_m);
-  gap.diagonal().tail<3>().setConstant(rotation_sigma_rad * rotation_sigma_rad);
-  segment_covariance_ += gap;
+  segment_covariance_.diagonal().head<3>().array() += position_sigma_m * position_sigma_m;
+  segment_covariance_.diagonal().tail<3>().array() += rotation_sigma_rad * rotation_sigma_rad;
   window_.clear(block_);
   ++segment_;
-  return record.result;
 }
 
 }  // namespace pilotage

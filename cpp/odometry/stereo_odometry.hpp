@@ -21,8 +21,9 @@ namespace pilotage {
 /// Where the left camera (or the robot) goes, from the pictures of one stereo pair.
 ///
 /// The method is the rover paper's (Chibunichev et al., figure 4): homologous points, blunders
-/// rejected by y-parallax, space intersection from the previous pairs, resection of the current one,
-/// adjustment every few pairs and of the whole block at the end. Not safe to call from two threads.
+/// rejected by y-parallax, space intersection from the previous pairs, resection of the current
+/// one, adjustment every few pairs and of the whole block at the end. Not safe to call from two
+/// threads.
 class StereoOdometry {
  public:
   /// Throws std::invalid_argument when the rig is no usable pair.
@@ -72,6 +73,7 @@ class StereoOdometry {
   void remember(const PyramidPair& pair, const Transform& world_from_left,
                 std::int64_t timestamp_ns);
   OdometryResult lose(const PyramidPair& pair, const Tracked& tracked, std::int64_t timestamp_ns);
+  void begin_segment(double gap_s);
   Reason explain(const PyramidPair& pair, const Tracked& tracked) const;
   OdometryResult report(const Tracked& tracked, bool is_keyframe, std::int64_t timestamp_ns);
   void place(OdometryResult& result, const Transform& world_from_left,

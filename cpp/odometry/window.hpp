@@ -52,9 +52,7 @@ class Window {
   const std::vector<Landmark>& landmarks() const { return landmarks_; }
   bool empty() const { return keyframes_.empty(); }
   /// Full, so that the next keyframe lets the oldest one go.
-  bool is_full() const {
-    return static_cast<int>(keyframes_.size()) >= config_.window_keyframes;
-  }
+  bool is_full() const { return static_cast<int>(keyframes_.size()) >= config_.window_keyframes; }
 
   void add_keyframe(Keyframe keyframe) { keyframes_.push_back(std::move(keyframe)); }
   /// Adjusts poses and points; sightings that do not fit are dropped.
@@ -70,7 +68,6 @@ class Window {
   BundleProblem problem() const;
 
  private:
-
   OdometryConfig config_;
   RectifiedStereo stereo_;
   std::vector<Keyframe> keyframes_;

@@ -219,8 +219,7 @@ PatchAlignment align_patch_in_row(const ImageView& image, const PatchTemplate& p
 float shift_sigma_px(const PatchTemplate& patch, float noise_grey) {
   const float mean = 0.5f * (patch.hxx + patch.hyy);
   const float half_difference = 0.5f * (patch.hxx - patch.hyy);
-  const float weakest =
-      mean - std::sqrt(half_difference * half_difference + patch.hxy * patch.hxy);
+  const float weakest = mean - std::sqrt(half_difference * half_difference + patch.hxy * patch.hxy);
   return noise_grey / std::sqrt(std::max(weakest, 1e-6f));
 }
 

@@ -29,7 +29,8 @@ bool make_template(const ImageView& image, const Eigen::Vector2f& centre,
 struct PatchAlignment {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
   float correlation = -1;  ///< zero-mean normalised, at `pixel`
-  float noise_grey = 0;    ///< rms of what gain, offset and shift leave unexplained, in template greys
+  float noise_grey =
+      0;  ///< rms of what gain, offset and shift leave unexplained, in template greys
   bool converged = false;
 };
 

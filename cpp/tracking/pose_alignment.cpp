@@ -120,8 +120,8 @@ NormalEquations accumulate(const std::vector<ReferencePatch>& patches, const Ima
   for (const ReferencePatch& patch : patches) {
     const Eigen::Vector3d p = current_from_previous * patch.point;
     if (p.z() < 0.1) continue;
-    const Eigen::Vector2f corner = stereo.project_left(p).cast<float>() * scale -
-                                   Eigen::Vector2f::Constant(0.5f * (edge - 1));
+    const Eigen::Vector2f corner =
+        stereo.project_left(p).cast<float>() * scale - Eigen::Vector2f::Constant(0.5f * (edge - 1));
     if (!sample(image, corner, edge, edge, values.data())) continue;
     add_patch(patch, values, huber, equations);
   }
@@ -158,13 +158,13 @@ PoseAlignment align_pose(const Pyramid& previous, const Pyramid& current,
       best = pose;
       result.ok = true;
       result.mean_residual_grey = static_cast<float>(residual);
-      const Vector6d step =
-          (equations.h + 1e-6 * equations.h.trace() * Matrix6d::Identity()).ldlt().solve(
-              equations.b);
+      const Vector6d step = (equations.h + 1e-6 * equations.h.trace() * Matrix6d::Identity())
+                                .ldlt()
+                                .solve(equations.b);
       // Moving the reference points by `step` equals moving the current camera the other way.
       pose = pose * transform_exp(-step);
-      const double largest_px = (step.head<3>().norm() / 5.0 + step.tail<3>().norm()) *
-                                stereo.focal_px * scale;
+      const double largest_px =
+          (step.head<3>().norm() / 5.0 + step.tail<3>().norm()) * stereo.focal_px * scale;
       if (largest_px < 0.02) break;
     }
     result.current_from_previous = best;

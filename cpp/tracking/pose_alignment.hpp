@@ -10,8 +10,8 @@ namespace pilotage {
 
 /// A point of the previous picture whose depth is known.
 struct DepthPoint {
-  Eigen::Vector2f pixel;               ///< in the previous left picture, level 0
-  Eigen::Vector3d point_in_previous;   ///< in the previous left camera, metres
+  Eigen::Vector2f pixel;              ///< in the previous left picture, level 0
+  Eigen::Vector3d point_in_previous;  ///< in the previous left camera, metres
 };
 
 struct PoseAlignmentOptions {
@@ -30,8 +30,9 @@ struct PoseAlignment {
 
 /// Moves the camera until small patches around known points look alike in both pictures.
 ///
-/// Sparse inverse-compositional image alignment (Forster, Pizzoli, Scaramuzza 2014, section IV-A) on
-/// the coarse levels only: a motion prior for matching, good to a pixel or two, not a measurement.
+/// Sparse inverse-compositional image alignment (Forster, Pizzoli, Scaramuzza 2014, section IV-A)
+/// on the coarse levels only: a motion prior for matching, good to a pixel or two, not a
+/// measurement.
 PoseAlignment align_pose(const Pyramid& previous, const Pyramid& current,
                          const RectifiedStereo& stereo, std::span<const DepthPoint> points,
                          const Transform& current_from_previous,

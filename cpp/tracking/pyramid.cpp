@@ -51,8 +51,8 @@ PILOTAGE_KERNEL void smooth_row(const std::uint8_t* above, const std::uint8_t* m
   sums[-1] = sums[std::min(1, width - 1)];
   sums[width] = sums[std::max(0, width - 2)];
   for (int x = 0; x < width; ++x) {
-    const std::uint16_t sum = static_cast<std::uint16_t>(
-        padded_sums[x] + 2 * padded_sums[x + 1] + padded_sums[x + 2] + 8);
+    const std::uint16_t sum = static_cast<std::uint16_t>(padded_sums[x] + 2 * padded_sums[x + 1] +
+                                                         padded_sums[x + 2] + 8);
     smoothed[x] = static_cast<std::uint8_t>(sum >> 4);
   }
 }

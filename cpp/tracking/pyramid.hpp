@@ -7,11 +7,12 @@
 
 namespace pilotage {
 
-/// A picture at full size and halved again and again. Pixel x of level l lies at x * 2^l of level 0:
-/// the filter is centred on the even pixels, so no half-pixel shift creeps in.
+/// A picture at full size and halved again and again. Pixel x of level l lies at x * 2^l of level
+/// 0: the filter is centred on the even pixels, so no half-pixel shift creeps in.
 class Pyramid {
  public:
-  /// Copies `image` into level 0, lightly smoothed when asked: bilinear interpolation then errs less.
+  /// Copies `image` into level 0, lightly smoothed when asked: bilinear interpolation then errs
+  /// less.
   void build(const ImageView& image, int levels, bool smooth_base);
 
   int levels() const { return static_cast<int>(images_.size()); }
