@@ -91,6 +91,7 @@ void bind_epipolar(nb::module_& m) {
       .def_rw("rejection", &EpipolarOptions::rejection)
       .def_rw("min_sigma_px", &EpipolarOptions::min_sigma_px)
       .def_rw("confidence", &EpipolarOptions::confidence)
+      .def_rw("min_samples", &EpipolarOptions::min_samples)
       .def_rw("max_samples", &EpipolarOptions::max_samples)
       .def_rw("min_inliers", &EpipolarOptions::min_inliers)
       .def_rw("min_inlier_share", &EpipolarOptions::min_inlier_share)

@@ -7,6 +7,7 @@
 
 #include "estimation/null_vector.hpp"
 #include "geometry/dispatch.hpp"
+#include "geometry/transform.hpp"
 
 namespace pilotage {
 namespace {
@@ -72,6 +73,57 @@ PILOTAGE_KERNEL void sum_moments(const EpipolarMatches& m, const std::vector<flo
       moments[r][c] = (sums[r][c][0] + sums[r][c][1]) + (sums[r][c][2] + sums[r][c][3]);
     }
   }
+}
+
+/// Normal equations of the Sampson distances by the nine elements of F, row by row.
+struct NormalEquations {
+  Matrix9d normal;
+  Vector9d gradient;
+};
+
+PILOTAGE_KERNEL void sum_normal_equations(const EpipolarMatches& m,
+                                          const std::vector<float>& weights, const Matrix3d& f,
+                                          NormalEquations& sums) {
+  Doubles normal[45] = {}, gradient[9] = {};
+  for (int i = 0; i < m.padded; i += 4) {
+    const Doubles one{1, 1, 1, 1};
+    const Doubles a[3] = {widen(m.ax, i), widen(m.ay, i), one};
+    const Doubles b[3] = {widen(m.bx, i), widen(m.by, i), one};
+    Doubles line[3], back[2];
+    for (int r = 0; r < 3; ++r) line[r] = f(r, 0) * a[0] + f(r, 1) * a[1] + f(r, 2);
+    for (int c = 0; c < 2; ++c) back[c] = f(0, c) * b[0] + f(1, c) * b[1] + f(2, c);
+    const Doubles error = b[0] * line[0] + b[1] * line[1] + line[2];
+    const Doubles gradients2 =
+        line[0] * line[0] + line[1] * line[1] + back[0] * back[0] + back[1] * back[1] + 1e-30;
+    // r = error / sqrt(g): r^2 = error^2 / g, d r = (d error - error / (2 g) d g) / sqrt(g).
+    const Doubles weight = widen(weights, i) / gradients2;
+    const Doubles share = error / gradients2;
+    Doubles jacobian[9];
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) {
+        Doubles d = b[r] * a[c];
+        if (r < 2) d -= share * line[r] * a[c];
+        if (c < 2) d -= share * back[c] * b[r];
+        jacobian[3 * r + c] = d;
+      }
+    }
+    int k = 0;
+    for (int r = 0; r < 9; ++r) {
+      const Doubles weighted = weight * jacobian[r];
+      gradient[r] += weighted * error;
+      for (int c = r; c < 9; ++c) normal[k++] += weighted * jacobian[c];
+    }
+  }
+  const auto total = [](const Doubles& v) { return (v[0] + v[1]) + (v[2] + v[3]); };
+  int k = 0;
+  for (int r = 0; r < 9; ++r) {
+    sums.gradient[r] = total(gradient[r]);
+    for (int c = r; c < 9; ++c) sums.normal(r, c) = sums.normal(c, r) = total(normal[k++]);
+  }
+}
+
+Vector9d stacked_rows(const Matrix3d& m) {
+  return Eigen::Map<const Vector9d>(Matrix3d(m.transpose()).data());
 }
 
 /// The nearest matrix of rank two.
@@ -146,6 +198,40 @@ Matrix3d fit_fundamental(const EpipolarMatches& m, const std::vector<float>& wei
     }
   }
   return rank_two(by_rows(smallest_eigenvector(normal)));
+}
+
+Matrix3d step_fundamental(const EpipolarMatches& m, const std::vector<float>& weights,
+                          const Matrix3d& fundamental) {
+  // F = U diag(cos, sin, 0) V^T; U and V turn, and the angle changes.
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(fundamental.transpose() * fundamental);
+  const Matrix3d v = eigen.eigenvectors().rowwise().reverse();
+  Matrix3d u;
+  u.col(0) = (fundamental * v.col(0)).normalized();
+  const Eigen::Vector3d second = fundamental * v.col(1);
+  if (!(second.norm() > 1e-9 * fundamental.norm())) return fundamental;
+  u.col(1) = (second - second.dot(u.col(0)) * u.col(0)).normalized();
+  u.col(2) = u.col(0).cross(u.col(1));
+  const Vector2d s = Vector2d((fundamental * v.col(0)).norm(), second.norm()).normalized();
+  const Matrix3d middle = Eigen::Vector3d(s[0], s[1], 0).asDiagonal();
+  NormalEquations sums;
+  sum_normal_equations(m, weights, u * middle * v.transpose(), sums);
+  Eigen::Matrix<double, 9, 7> tangent;
+  for (int k = 0; k < 3; ++k) {
+    const Matrix3d turn = cross_matrix(Eigen::Vector3d::Unit(k));
+    tangent.col(k) = stacked_rows(u * turn * middle * v.transpose());
+    tangent.col(3 + k) = stacked_rows(u * middle * turn.transpose() * v.transpose());
+  }
+  const Matrix3d change = Eigen::Vector3d(-s[1], s[0], 0).asDiagonal();
+  tangent.col(6) = stacked_rows(u * change * v.transpose());
+  Eigen::Matrix<double, 7, 7> normal = tangent.transpose() * sums.normal * tangent;
+  // Where F is not determined, stay.
+  normal.diagonal().array() += 1e-9 * normal.trace();
+  const Eigen::Matrix<double, 7, 1> step =
+      -normal.ldlt().solve(tangent.transpose() * sums.gradient);
+  const double angle = std::atan2(s[1], s[0]) + step[6];
+  const Matrix3d moved = Eigen::Vector3d(std::cos(angle), std::sin(angle), 0).asDiagonal();
+  return u * rotation_exp(step.head<3>()).toRotationMatrix() * moved *
+         rotation_exp(step.segment<3>(3)).toRotationMatrix().transpose() * v.transpose();
 }
 
 PILOTAGE_KERNEL float sampson_cost(const EpipolarMatches& m, const Matrix3d& fundamental,

@@ -32,8 +32,16 @@ struct EpipolarMatches {
 bool fundamental_from_eight(const EpipolarMatches& matches, std::span<const int> sample,
                             Eigen::Matrix3d& fundamental);
 
-/// Weighted eight-point algorithm, normalised coordinates, rank two. `weights` has `padded` values.
+/// Weighted eight-point algorithm (Hartley 1997), normalised coordinates, rank two. `weights` has
+/// `padded` values.
 Eigen::Matrix3d fit_fundamental(const EpipolarMatches& matches, const std::vector<float>& weights);
+
+/// One Gauss-Newton step on the Sampson distances of the matches of weight one (the others have
+/// zero), over the seven degrees of freedom of F (Bartoli and Sturm 2004); normalised coordinates.
+/// The linear fit is biased when the epipole lies in the picture, as in forward motion; this is
+/// not.
+Eigen::Matrix3d step_fundamental(const EpipolarMatches& matches, const std::vector<float>& weights,
+                                 const Eigen::Matrix3d& fundamental);
 
 /// Sum of squared Sampson distances, each at most its cap; stops early once above `limit`.
 float sampson_cost(const EpipolarMatches& matches, const Eigen::Matrix3d& fundamental, float limit);

@@ -18,7 +18,12 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 
+/// Samples up to this times as bad as the best are refined too: noise of eight points hides which
+/// of several minima (of forward motion) is the lowest.
+constexpr float near_best = 1.3F;
+constexpr int max_near_best = 10;
 constexpr int rejection_rounds = 6;
+constexpr std::array refine_widenings = {3.0, 1.5, 1.0, 1.0};
 /// Transfer errors carry the noise of both pictures in two coordinates: 99 % lie within 4.3 sigma.
 constexpr double plane_limit_sigma = 4.5;
 /// F counts only if it explains this part of the matches that one plane does not, and so many.
@@ -41,7 +46,7 @@ class Search {
  private:
   bool find_fundamental(std::span<const float> qualities);
   int weigh_within(double limit_px);
-  bool refine();
+  void refine(const Matrix3d& candidate);
   bool reject_repeatedly();
   bool is_degenerate() const;
   bool measure_paper();
@@ -57,48 +62,57 @@ class Search {
   EpipolarCheck check_;
 };
 
-/// Distances to `fundamental_`; weights of the least squares for those within the limit: divided by
-/// the gradient, algebraic errors become distances. Returns how many there are.
+/// Distances to `fundamental_`; weight one within the limit. Returns how many there are.
 int Search::weigh_within(double limit_px) {
   sampson_distances(matches_, fundamental_, distances_px_, gradients2_);
   weights_.assign(matches_.padded, 0.0F);
   int count = 0;
   for (int i = 0; i < matches_.count; ++i) {
     if (!(std::abs(distances_px_[i]) <= limit_px)) continue;
-    weights_[i] = 1.0F / gradients2_[i];
+    weights_[i] = 1;
     ++count;
   }
   return count;
 }
 
-/// Local optimisation from the best F; keeps it if the cost falls.
-bool Search::refine() {
-  if (weigh_within(options_.threshold_px) < 9) return false;
-  const Matrix3d refined = fit_fundamental(matches_, weights_);
-  const float cost = sampson_cost(matches_, refined, best_cost_);
-  if (!(cost < best_cost_)) return false;
-  best_cost_ = cost;
-  fundamental_ = refined;
-  return true;
+/// Local optimisation from a candidate: fits F to what lies within a shrinking distance of it,
+/// first linearly, and keeps what costs less.
+void Search::refine(const Matrix3d& candidate) {
+  Matrix3d best = fundamental_;
+  fundamental_ = candidate;
+  for (const double widening : refine_widenings) {
+    if (weigh_within(widening * options_.threshold_px) < 9) break;
+    fundamental_ = widening == refine_widenings.front()
+                       ? fit_fundamental(matches_, weights_)
+                       : step_fundamental(matches_, weights_, fundamental_);
+    const float cost = sampson_cost(matches_, fundamental_, best_cost_);
+    if (!(cost < best_cost_)) continue;
+    best_cost_ = cost;
+    best = fundamental_;
+  }
+  fundamental_ = best;
 }
 
 bool Search::find_fundamental(std::span<const float> qualities) {
   Sampler sampler(matches_.count, 8, qualities, options_.seed);
   int needed = options_.max_samples;
+  int near_best_refined = 0;
+  float best_sample_cost = std::numeric_limits<float>::infinity();
   while (check_.iterations < needed) {
     std::array<int, 8> sample;
     sampler.draw(sample);
     ++check_.iterations;
     Matrix3d candidate;
     if (!fundamental_from_eight(matches_, sample, candidate)) continue;
-    const float cost = sampson_cost(matches_, candidate, best_cost_);
-    if (!(cost < best_cost_)) continue;
-    best_cost_ = cost;
-    fundamental_ = candidate;
-    for (int i = 0; i < 3 && refine(); ++i) {
-    }
+    const float slack = near_best_refined < max_near_best ? near_best : 1.0F;
+    const float cost = sampson_cost(matches_, candidate, slack * best_sample_cost);
+    if (!(cost < slack * best_sample_cost)) continue;
+    near_best_refined += cost >= best_sample_cost;
+    best_sample_cost = std::min(cost, best_sample_cost);
+    refine(candidate);
     const double share = double(weigh_within(options_.threshold_px)) / matches_.count;
-    needed = required_samples(share, 8, options_.confidence, options_.max_samples);
+    needed = std::max(options_.min_samples,
+                      required_samples(share, 8, options_.confidence, options_.max_samples));
   }
   return std::isfinite(best_cost_);
 }
@@ -118,7 +132,7 @@ bool Search::reject_repeatedly() {
     if (kept < options_.min_inliers || kept < options_.min_inlier_share * matches_.count) {
       return false;
     }
-    fundamental_ = fit_fundamental(matches_, weights_);
+    fundamental_ = step_fundamental(matches_, weights_, fundamental_);
     sampson_distances(matches_, fundamental_, distances_px_, gradients2_);
     std::vector<double> magnitudes(matches_.count);
     for (int i = 0; i < matches_.count; ++i) magnitudes[i] = std::abs(distances_px_[i]);

@@ -23,6 +23,8 @@ struct EpipolarOptions {
   double rejection = 3.0;     ///< matches beyond this many sigma are blunders
   double min_sigma_px = 0.02;
   double confidence = 0.99;
+  /// At least, whatever the inliers say: in forward motion an F that is wrong but close keeps most.
+  int min_samples = 50;
   int max_samples = 2000;
   int min_inliers = 16;
   double min_inlier_share = 0.3;
