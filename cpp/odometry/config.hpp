@@ -26,7 +26,7 @@ struct OdometryConfig {
   RobustLoss loss = RobustLoss::huber;
   double measurement_sigma_px = 0.1;
   bool smooth_images = false;
-  double min_correlation = 0.8;
+  double min_correlation = 0.86;
   double max_depth_m = 1000;
   int min_inliers = 20;
   double right_x_offset_prior_px = 0.3;

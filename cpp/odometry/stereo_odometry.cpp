@@ -35,7 +35,7 @@ Transform part_of(const Transform& motion, double t) {
 
 StereoOdometry::StereoOdometry(const StereoRig& rig, const OdometryConfig& config)
     : config_(config),
-      rectifier_(rig),
+      rectifier_(rig, Interpolation::bilinear),
       stereo_(rectifier_.stereo()),
       detector_(harris_options(stereo_, config.points)),
       window_(config, stereo_),

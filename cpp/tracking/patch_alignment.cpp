@@ -9,29 +9,33 @@
 namespace pilotage {
 namespace {
 
-constexpr int edge = patch_px;
-constexpr int lanes = patch_px;
-static_assert(edge == lanes);
-constexpr int padded = edge + 2;
-constexpr float centre_index = 0.5f * (edge - 1);
+constexpr int width = patch_width_px;
+constexpr int height = patch_height_px;
+constexpr int lanes = width;
+constexpr int padded_width = width + 2;
+constexpr int padded_height = height + 2;
 
-/// Bilinear samples of an affinely placed (edge + 2)^2 grid.
+/// Bilinear samples of an affinely placed grid, one pixel wider than the patch all around.
+/// Positions run in fixed point: 16 bits after the point are a thousandth of a pixel's noise at the
+/// far end of a patch.
 PILOTAGE_KERNEL void sample_affine(const std::uint8_t* data, std::ptrdiff_t stride, float x0,
-                                   float y0, float xx, float xy, float yx, float yy,
-                                   float* samples) {
-  for (int j = 0; j < padded; ++j) {
-    for (int i = 0; i < padded; ++i) {
-      const float x = x0 + xx * static_cast<float>(i) + xy * static_cast<float>(j);
-      const float y = y0 + yx * static_cast<float>(i) + yy * static_cast<float>(j);
-      const int ix = static_cast<int>(x);
-      const int iy = static_cast<int>(y);
-      const float fx = x - static_cast<float>(ix);
-      const float fy = y - static_cast<float>(iy);
-      const std::uint8_t* p = data + iy * stride + ix;
-      const float top = static_cast<float>(p[0]) + fx * static_cast<float>(p[1] - p[0]);
-      const float bottom =
-          static_cast<float>(p[stride]) + fx * static_cast<float>(p[stride + 1] - p[stride]);
-      samples[j * padded + i] = top + fy * (bottom - top);
+                                   float y0, const Eigen::Matrix2f& step, float* samples) {
+  constexpr float one = 65536.0f;
+  constexpr float grey = 1.0f / one;
+  const auto fixed = [](float v) { return static_cast<std::int32_t>(v * one); };
+  const std::int32_t xi = fixed(step(0, 0)), xj = fixed(step(0, 1));
+  const std::int32_t yi = fixed(step(1, 0)), yj = fixed(step(1, 1));
+  std::int32_t row_x = fixed(x0), row_y = fixed(y0);
+  for (int j = 0; j < padded_height; ++j, row_x += xj, row_y += yj) {
+    std::int32_t x = row_x, y = row_y;
+    for (int i = 0; i < padded_width; ++i, x += xi, y += yi) {
+      const std::uint8_t* p = data + (y >> 16) * stride + (x >> 16);
+      const std::int32_t fx = (x & 0xffff) >> 4, fy = (y & 0xffff) >> 4;
+      const std::int32_t top = (p[0] << 12) + fx * (p[1] - p[0]);
+      const std::int32_t bottom = (p[stride] << 12) + fx * (p[stride + 1] - p[stride]);
+      // 8 + 12 bits, and 4 more of the second fraction kept: 24 bits, exact in a float.
+      samples[j * padded_width + i] =
+          static_cast<float>((top << 4) + (fy * ((bottom - top) >> 4) >> 4)) * grey;
     }
   }
 }
@@ -45,15 +49,15 @@ PILOTAGE_INLINE float lane_sum(const float* acc) {
 
 PILOTAGE_KERNEL void finish_template(const float* samples, PatchTemplate& patch) {
   float mean_acc[lanes] = {};
-  for (int j = 0; j < edge; ++j) {
-    const float* row = samples + (j + 1) * padded + 1;
-    float* value = patch.value + j * edge;
-    float* gx = patch.gradient_x + j * edge;
-    float* gy = patch.gradient_y + j * edge;
-    for (int i = 0; i < edge; ++i) {
+  for (int j = 0; j < height; ++j) {
+    const float* row = samples + (j + 1) * padded_width + 1;
+    float* value = patch.value + j * width;
+    float* gx = patch.gradient_x + j * width;
+    float* gy = patch.gradient_y + j * width;
+    for (int i = 0; i < width; ++i) {
       value[i] = row[i];
       gx[i] = 0.5f * (row[i + 1] - row[i - 1]);
-      gy[i] = 0.5f * (row[i + padded] - row[i - padded]);
+      gy[i] = 0.5f * (row[i + padded_width] - row[i - padded_width]);
       mean_acc[i] += row[i];
     }
   }
@@ -101,10 +105,10 @@ PILOTAGE_KERNEL void correlate(const std::uint8_t* corner, std::ptrdiff_t stride
                                float fy, const PatchTemplate& patch, PatchSums& sums) {
   const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
   float gx[lanes] = {}, gy[lanes] = {}, value[lanes] = {}, sum[lanes] = {}, sum2[lanes] = {};
-  for (int j = 0; j < edge; ++j) {
+  for (int j = 0; j < height; ++j) {
     const std::uint8_t* p = corner + j * stride;
     const std::uint8_t* q = p + stride;
-    const int k = j * edge;
+    const int k = j * width;
     for (int i = 0; i < lanes; ++i) {
       const float v = w00 * static_cast<float>(p[i]) + w01 * static_cast<float>(p[i + 1]) +
                       w10 * static_cast<float>(q[i]) + w11 * static_cast<float>(q[i + 1]) - 128.0f;
@@ -121,10 +125,10 @@ PILOTAGE_KERNEL void correlate(const std::uint8_t* corner, std::ptrdiff_t stride
 /// False when the patch around `pixel` leaves the picture.
 bool correlate_at(const ImageView& image, const PatchTemplate& patch, const Eigen::Vector2f& pixel,
                   PatchSums& sums) {
-  const float x = pixel.x() - centre_index;
-  const float y = pixel.y() - centre_index;
-  if (!(x >= 0 && y >= 0 && x < static_cast<float>(image.width - edge - 1) &&
-        y < static_cast<float>(image.height - edge - 1))) {
+  const float x = pixel.x() - 0.5f * (width - 1);
+  const float y = pixel.y() - 0.5f * (height - 1);
+  if (!(x >= 0 && y >= 0 && x < static_cast<float>(image.width - width - 1) &&
+        y < static_cast<float>(image.height - height - 1))) {
     return false;
   }
   const int ix = static_cast<int>(x);
@@ -173,14 +177,11 @@ PatchAlignment align(const ImageView& image, const PatchTemplate& patch,
       return result;
     }
     if (length < options.converged_px) {
+      // So near that the sums just taken hold there too.
+      judge(patch, sums, result);
       result.converged = true;
-      break;
+      return result;
     }
-  }
-  if (correlate_at(image, patch, result.pixel, sums)) {
-    judge(patch, sums, result);
-  } else {
-    result.converged = false;
   }
   return result;
 }
@@ -189,18 +190,17 @@ PatchAlignment align(const ImageView& image, const PatchTemplate& patch,
 
 bool make_template(const ImageView& image, const Eigen::Vector2f& centre,
                    const Eigen::Matrix2f& host_from_current, PatchTemplate& patch) {
-  const float half = centre_index + 1;
-  const Eigen::Vector2f corner = centre - host_from_current * Eigen::Vector2f(half, half);
-  const Eigen::Vector2f reach = host_from_current.cwiseAbs() * Eigen::Vector2f(half, half);
+  const Eigen::Vector2f half(0.5f * (width + 1), 0.5f * (height + 1));
+  const Eigen::Vector2f corner = centre - host_from_current * half;
+  const Eigen::Vector2f reach = host_from_current.cwiseAbs() * half;
   const Eigen::Vector2f low = centre - reach;
   const Eigen::Vector2f high = centre + reach;
   if (!(low.x() >= 0 && low.y() >= 0 && high.x() < static_cast<float>(image.width - 1) &&
         high.y() < static_cast<float>(image.height - 1))) {
     return false;
   }
-  alignas(64) float samples[padded * padded];
-  sample_affine(image.data, image.stride, corner.x(), corner.y(), host_from_current(0, 0),
-                host_from_current(0, 1), host_from_current(1, 0), host_from_current(1, 1), samples);
+  alignas(64) float samples[padded_width * padded_height];
+  sample_affine(image.data, image.stride, corner.x(), corner.y(), host_from_current, samples);
   finish_template(samples, patch);
   return patch.hxx > 1.0f && patch.hxx * patch.hyy - patch.hxy * patch.hxy > 1.0f;
 }

@@ -7,13 +7,14 @@
 
 namespace pilotage {
 
-/// Edge of the square patch that is compared, in pixels of its level.
-inline constexpr int patch_px = 8;
+/// The patch that is compared, in pixels of its level.
+inline constexpr int patch_width_px = 8;
+inline constexpr int patch_height_px = 12;
 
 /// What a patch of another picture should look like around the sought pixel, prepared for
 /// inverse-compositional alignment (Baker and Matthews 2004) under a free gain and offset.
 struct PatchTemplate {
-  static constexpr int size = patch_px * patch_px;
+  static constexpr int size = patch_width_px * patch_height_px;
   alignas(64) float value[size];       ///< grey values less their mean
   alignas(64) float gradient_x[size];  ///< made orthogonal to 1 and to `value`
   alignas(64) float gradient_y[size];
