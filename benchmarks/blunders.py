@@ -40,7 +40,7 @@ RIGS = (
 
 @dataclass(frozen=True)
 class Trial:
-    """Matches of two stereo pairs: previous (N, 3) and current (N, 3) rows of left x, y, right x."""
+    """Matches of two stereo pairs, (N, 3) rows of left x, left y, right x each."""
 
     stereo: _core.RectifiedStereo
     previous_px: Array
@@ -198,9 +198,7 @@ def evaluate(trial: Trial, result: _core.ResectionResult, quality: str) -> Outco
     twist = np.concatenate((error[:3, 3], (skew[2, 1], skew[0, 2], skew[1, 0])))
     nees = float(twist @ np.linalg.solve(result.covariance, twist))
     position = trial.world_from_camera[:3, 3] - result.camera_from_world.inverse().matrix()[:3, 3]
-    return Outcome(
-        quality, nees, float(np.linalg.norm(position)), float(np.linalg.norm(twist[3:]))
-    )
+    return Outcome(quality, nees, float(np.linalg.norm(position)), float(np.linalg.norm(twist[3:])))
 
 
 def run_trial(trial: Trial, seed: int) -> tuple[Outcome, Outcome]:
@@ -212,9 +210,7 @@ def run_trial(trial: Trial, seed: int) -> tuple[Outcome, Outcome]:
         return Outcome("lost", np.nan, np.nan, np.nan), told
     result = adjust(trial, kept, start)
     median_depth = float(np.median(triangulate(trial.stereo, trial.previous_px[kept])[:, 2]))
-    quality = _core.judge(
-        result=result, matches=len(trial.is_good), median_depth_m=median_depth
-    )
+    quality = _core.judge(result=result, matches=len(trial.is_good), median_depth_m=median_depth)
     return evaluate(trial, result, quality.name), told
 
 
@@ -301,7 +297,10 @@ def main() -> None:
         return
     started = time.perf_counter()
     summary = run(arguments.trials, arguments.seed)
-    print("| trials | tracking | degraded | lost | confidently wrong | mean NEES (6) | position | rotation |")
+    print(
+        "| trials | tracking | degraded | lost | confidently wrong "
+        "| mean NEES (6) | position | rotation |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     print(
         f"| {summary.trials} | {summary.tracking} | {summary.degraded} | {summary.lost} "
