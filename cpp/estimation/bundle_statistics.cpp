@@ -11,7 +11,8 @@
 namespace pilotage {
 namespace {
 
-/// rho at knots 1/16 apart, from which Simpson's rule completes the way.
+/// rho at knots, from which Simpson's rule completes the way; close ones, because Huber's influence
+/// has a kink, up to 16 sigma, then each an eighth farther than the one before.
 class RobustCostTable {
  public:
   explicit RobustCostTable(RobustLoss loss) : loss_(loss) {
@@ -21,12 +22,17 @@ class RobustCostTable {
   }
   double at(double normalised) const {
     const int i = static_cast<int>(std::min(normalised / kStep, double{kKnots}));
-    return knots_[i] + integral(i * kStep, normalised);
+    double sum = knots_[i], from = i * kStep;
+    for (; i == kKnots && kGrowth * from < normalised; from *= kGrowth) {
+      sum += integral(from, kGrowth * from);
+    }
+    return sum + integral(from, normalised);
   }
 
  private:
-  static constexpr int kKnots = 1024;
-  static constexpr double kStep = 1.0 / 16.0;
+  static constexpr int kKnots = 2048;
+  static constexpr double kStep = 1.0 / 128.0;
+  static constexpr double kGrowth = 1.125;
 
   double influence(double x) const { return robust_weight(loss_, x, 100) * x; }
   double integral(double from, double to) const {
