@@ -68,13 +68,40 @@ PILOTAGE_INLINE void correlate(const Template& t, const Strip& strip, int first,
   std::memcpy(cross + first, sums, sizeof sums);
 }
 
+/// Four registers hide the latency of their sums; a rest of one joins the first four.
+PILOTAGE_INLINE void correlate_all(const Template& t, const Strip& strip, int blocks,
+                                   float* cross) {
+  int done = blocks % 4 == 1 && blocks > 1 ? 5 : blocks % 4;
+  switch (done) {
+    case 1:
+      correlate<1>(t, strip, 0, cross);
+      break;
+    case 2:
+      correlate<2>(t, strip, 0, cross);
+      break;
+    case 3:
+      correlate<3>(t, strip, 0, cross);
+      break;
+    case 5:
+      correlate<5>(t, strip, 0, cross);
+      break;
+    default:
+      break;
+  }
+  for (; done < blocks; done += 4) correlate<4>(t, strip, done * block, cross);
+}
+
 /// `length` pixels of each row, then zeros up to `padded`.
 PILOTAGE_INLINE void read_strip(const ImageView& image, int x, int y, int length, int padded,
                                 Strip& strip) {
   for (int r = 0; r < rows; ++r) {
     const std::uint8_t* p = image.row(y + r) + x;
-    for (int i = 0; i < length; ++i) strip.row[r][i] = p[i];
-    for (int i = length; i < padded; ++i) strip.row[r][i] = 0;
+    int i = 0;
+    for (; i + 16 <= length; i += 16) {
+      for (int l = 0; l < 16; ++l) strip.row[r][i + l] = p[i + l];
+    }
+    for (; i < length; ++i) strip.row[r][i] = p[i];
+    for (; i < padded; ++i) strip.row[r][i] = 0;
   }
 }
 
@@ -97,9 +124,7 @@ PILOTAGE_KERNEL void search_row(const Template& t, const ImageView& image, int x
     column_sum[i] = sum;
     column_squares[i] = squares;
   }
-  int done = 0;
-  for (; done + 4 <= blocks; done += 4) correlate<4>(t, strip, done * block, score);
-  for (; done < blocks; ++done) correlate<1>(t, strip, done * block, score);
+  correlate_all(t, strip, blocks, score);
   for (int i = 0; i < blocks * block; ++i) {
     float sum = 0, squares = 0;
     for (int c = 0; c < columns; ++c) {

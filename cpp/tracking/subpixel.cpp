@@ -185,12 +185,13 @@ PILOTAGE_KERNEL void refine(const ImageView& a, const float* point, const ImageV
     const float dx = options.along_row_only ? bx / t.xx : (t.yy * bx - t.xy * by) / t.determinant;
     const float dy = options.along_row_only ? 0.0F : (t.xx * by - t.xy * bx) / t.determinant;
     judge(t, along / std::sqrt(t.norm2 * norm2), count - 4, options.along_row_only, match);
-    if (std::abs(dx) + std::abs(dy) < 0.004F) {
-      match.ok = match.correlation > 0;
-      return;
-    }
     x -= dx;
     y -= dy;
+    // The next step would be some tenths of this one.
+    if (std::abs(dx) + std::abs(dy) < 0.02F) {
+      match.position_px = {x, y};
+      break;
+    }
   }
   match.ok = match.correlation > 0;
 }
