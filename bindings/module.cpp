@@ -15,16 +15,8 @@ void bind_odometry(nanobind::module_& m);
 NB_MODULE(_core, m) {
   m.doc() = "The compiled part of pilotage; import its names from `pilotage`.";
   pilotage::bind_geometry(m);
-#ifdef PILOTAGE_HAS_TRACKING
   pilotage::bind_tracking(m);
-#endif
-#ifdef PILOTAGE_HAS_ESTIMATION
   pilotage::bind_estimation(m);
-#endif
-#ifdef PILOTAGE_HAS_BUNDLE_ADJUSTMENT
   pilotage::bind_bundle_adjustment(m);
-#endif
-#ifdef PILOTAGE_HAS_ODOMETRY
   pilotage::bind_odometry(m);
-#endif
 }

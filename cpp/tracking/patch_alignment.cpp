@@ -47,8 +47,9 @@ PILOTAGE_INLINE float lane_sum(const float* acc) {
   return sum;
 }
 
-PILOTAGE_KERNEL void finish_template(const float* samples, PatchTemplate& patch) {
-  float mean_acc[lanes] = {};
+/// Copies the middle of the samples and takes central differences; returns the mean of the values.
+PILOTAGE_INLINE float differentiate(const float* samples, PatchTemplate& patch) {
+  float sum[lanes] = {};
   for (int j = 0; j < height; ++j) {
     const float* row = samples + (j + 1) * padded_width + 1;
     float* value = patch.value + j * width;
@@ -58,16 +59,24 @@ PILOTAGE_KERNEL void finish_template(const float* samples, PatchTemplate& patch)
       value[i] = row[i];
       gx[i] = 0.5f * (row[i + 1] - row[i - 1]);
       gy[i] = 0.5f * (row[i + padded_width] - row[i - padded_width]);
-      mean_acc[i] += row[i];
+      sum[i] += row[i];
     }
   }
-  float gx_acc[lanes] = {}, gy_acc[lanes] = {}, vv[lanes] = {}, vx[lanes] = {}, vy[lanes] = {};
-  const float mean = lane_sum(mean_acc) / PatchTemplate::size;
+  return lane_sum(sum) / PatchTemplate::size;
+}
+
+/// What of the gradients a gain and an offset could explain.
+struct GainAndOffset {
+  float gain_x, gain_y, offset_x, offset_y;
+};
+
+PILOTAGE_INLINE GainAndOffset explain_gradients(PatchTemplate& patch, float mean) {
+  float sx[lanes] = {}, sy[lanes] = {}, vv[lanes] = {}, vx[lanes] = {}, vy[lanes] = {};
   for (int k = 0; k < PatchTemplate::size; k += lanes) {
     for (int i = 0; i < lanes; ++i) {
       patch.value[k + i] -= mean;
-      gx_acc[i] += patch.gradient_x[k + i];
-      gy_acc[i] += patch.gradient_y[k + i];
+      sx[i] += patch.gradient_x[k + i];
+      sy[i] += patch.gradient_y[k + i];
       vv[i] += patch.value[k + i] * patch.value[k + i];
       vx[i] += patch.value[k + i] * patch.gradient_x[k + i];
       vy[i] += patch.value[k + i] * patch.gradient_y[k + i];
@@ -75,15 +84,19 @@ PILOTAGE_KERNEL void finish_template(const float* samples, PatchTemplate& patch)
   }
   patch.value_norm2 = lane_sum(vv);
   const float scale = patch.value_norm2 > 0 ? 1.0f / patch.value_norm2 : 0.0f;
-  const float gx_mean = lane_sum(gx_acc) / PatchTemplate::size;
-  const float gy_mean = lane_sum(gy_acc) / PatchTemplate::size;
-  const float gx_gain = lane_sum(vx) * scale;
-  const float gy_gain = lane_sum(vy) * scale;
+  return {lane_sum(vx) * scale, lane_sum(vy) * scale, lane_sum(sx) / PatchTemplate::size,
+          lane_sum(sy) / PatchTemplate::size};
+}
+
+PILOTAGE_KERNEL void finish_template(const float* samples, PatchTemplate& patch) {
+  const float mean = differentiate(samples, patch);
+  const GainAndOffset explained = explain_gradients(patch, mean);
   float xx[lanes] = {}, xy[lanes] = {}, yy[lanes] = {};
   for (int k = 0; k < PatchTemplate::size; k += lanes) {
     for (int i = 0; i < lanes; ++i) {
-      const float x = patch.gradient_x[k + i] - gx_mean - gx_gain * patch.value[k + i];
-      const float y = patch.gradient_y[k + i] - gy_mean - gy_gain * patch.value[k + i];
+      const float v = patch.value[k + i];
+      const float x = patch.gradient_x[k + i] - explained.offset_x - explained.gain_x * v;
+      const float y = patch.gradient_y[k + i] - explained.offset_y - explained.gain_y * v;
       patch.gradient_x[k + i] = x;
       patch.gradient_y[k + i] = y;
       xx[i] += x * x;

@@ -128,46 +128,68 @@ NormalEquations accumulate(const std::vector<ReferencePatch>& patches, const Ima
   return equations;
 }
 
+/// How far a twist of the camera moves what is seen, roughly, for things a few metres away.
+double motion_px(const Vector6d& twist, double focal) {
+  constexpr double usual_depth_m = 5;
+  return (twist.head<3>().norm() / usual_depth_m + twist.tail<3>().norm()) * focal;
+}
+
+struct LevelResult {
+  Transform current_from_previous;
+  double first_residual = -1, best_residual = -1;
+};
+
+/// Gauss-Newton on one level, for as long as the residual falls.
+LevelResult align_level(const std::vector<ReferencePatch>& patches, const ImageView& current,
+                        const RectifiedStereo& stereo, float scale, const Transform& start,
+                        const PoseAlignmentOptions& options) {
+  constexpr int min_patches = 12;
+  constexpr double converged_px = 0.02;
+  constexpr double damping = 1e-6;
+  LevelResult result{start};
+  Transform pose = start;
+  for (int iteration = 0; iteration <= options.max_iterations; ++iteration) {
+    const NormalEquations equations =
+        accumulate(patches, current, stereo, scale, options.huber_grey, pose);
+    if (equations.patches < min_patches) break;
+    const double residual = equations.absolute_residual / equations.patches;
+    if (result.first_residual < 0) {
+      result.first_residual = residual;
+    } else if (residual >= result.best_residual) {
+      break;
+    }
+    result.best_residual = residual;
+    result.current_from_previous = pose;
+    const Matrix6d damped = equations.h + damping * equations.h.trace() * Matrix6d::Identity();
+    const Vector6d step = damped.ldlt().solve(equations.b);
+    // Moving the reference points by `step` equals moving the current camera the other way.
+    pose = pose * transform_exp(-step);
+    if (motion_px(step, stereo.focal_px * scale) < converged_px) break;
+  }
+  return result;
+}
+
 }  // namespace
 
 PoseAlignment align_pose(const Pyramid& previous, const Pyramid& current,
                          const RectifiedStereo& stereo, std::span<const DepthPoint> points,
                          const Transform& current_from_previous,
                          const PoseAlignmentOptions& options) {
-  constexpr int min_patches = 12;
   PoseAlignment result{current_from_previous};
   const int coarsest = std::min(options.coarsest_level, current.levels() - 1);
   for (int level = coarsest; level >= options.finest_level; --level) {
     const float scale = 1.0f / static_cast<float>(1 << level);
     const auto patches =
         reference_patches(previous.level(level), scale, stereo.focal_px * scale, points);
-    Transform best = result.current_from_previous;
-    double best_residual = -1;
-    Transform pose = best;
-    for (int iteration = 0; iteration <= options.max_iterations; ++iteration) {
-      const NormalEquations equations =
-          accumulate(patches, current.level(level), stereo, scale, options.huber_grey, pose);
-      if (equations.patches < min_patches) break;
-      const double residual = equations.absolute_residual / equations.patches;
-      if (best_residual < 0) {
-        if (level == coarsest) result.initial_residual_grey = static_cast<float>(residual);
-      } else if (residual >= best_residual) {
-        break;
-      }
-      best_residual = residual;
-      best = pose;
-      result.ok = true;
-      result.mean_residual_grey = static_cast<float>(residual);
-      const Vector6d step = (equations.h + 1e-6 * equations.h.trace() * Matrix6d::Identity())
-                                .ldlt()
-                                .solve(equations.b);
-      // Moving the reference points by `step` equals moving the current camera the other way.
-      pose = pose * transform_exp(-step);
-      const double largest_px =
-          (step.head<3>().norm() / 5.0 + step.tail<3>().norm()) * stereo.focal_px * scale;
-      if (largest_px < 0.02) break;
+    const LevelResult aligned = align_level(patches, current.level(level), stereo, scale,
+                                            result.current_from_previous, options);
+    if (aligned.best_residual < 0) continue;
+    result.ok = true;
+    result.current_from_previous = aligned.current_from_previous;
+    result.mean_residual_grey = static_cast<float>(aligned.best_residual);
+    if (level == coarsest) {
+      result.initial_residual_grey = static_cast<float>(aligned.first_residual);
     }
-    result.current_from_previous = best;
   }
   return result;
 }

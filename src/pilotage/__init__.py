@@ -3,11 +3,17 @@
 
 from importlib.metadata import PackageNotFoundError, version
 
-from pilotage import _core
 from pilotage._core import (
+    CalibrationCheck,
+    CalibrationVerdict,
     Camera,
+    OdometryConfig,
+    OdometryResult,
+    Reason,
     RectifiedStereo,
     Rectifier,
+    Status,
+    StereoOdometry,
     StereoRig,
     Transform,
     triangulate,
@@ -19,17 +25,18 @@ except PackageNotFoundError:  # used from its source tree, not installed
     __version__ = "unknown"
 
 __all__ = [
+    "CalibrationCheck",
+    "CalibrationVerdict",
     "Camera",
+    "OdometryConfig",
+    "OdometryResult",
+    "Reason",
     "RectifiedStereo",
     "Rectifier",
+    "Status",
+    "StereoOdometry",
     "StereoRig",
     "Transform",
     "__version__",
     "triangulate",
 ]
-
-# The odometry's names, once the extension has them.
-for _name in ("OdometryConfig", "OdometryResult", "Reason", "Status", "StereoOdometry"):
-    if hasattr(_core, _name):
-        globals()[_name] = getattr(_core, _name)
-        __all__.append(_name)
