@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: scenes, trials and both tables of one benchmark, read from top to bottom.
 """Are poses honest when up to half of the matches are wrong?
 
     python benchmarks/blunders.py --trials 10000 --seed 0     # confidently wrong poses: none

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Long: declarations of one folder's classes, with what Python users read about them.
 #include <nanobind/operators.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>

@@ -162,6 +162,11 @@ def test_nothing_tracked_is_a_failure_with_a_remedy(tmp_path: Path):
     assert (tmp_path / "out" / "report.html").exists()
 
 
+def _heed_interrupts() -> None:
+    # A shell lets what it runs in the background ignore Ctrl-C, and children inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_keeps_what_was_computed(
     synthetic_kitti: SyntheticRecording, tmp_path: Path, asked: signal.Signals
@@ -169,7 +174,9 @@ def test_interrupt_keeps_what_was_computed(
     recording = make_long_recording(tmp_path / "long", synthetic_kitti, 5000)
     out = tmp_path / "out"
     command = [*PROGRAM, "localize", str(recording.path), "-o", str(out), "--no-report"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as running:
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, preexec_fn=_heed_interrupts
+    ) as running:
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline and _lines(out / POSES_LIVE) < 10:
             time.sleep(0.02)

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: one test a promise of the geometry classes.
 """Lens models, rectification and remapping against OpenCV and SciPy."""
 
 import pickle

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: one contract, run over every format of recording.
 """One contract for every format of recording, and what broken recordings are told."""
 
 from __future__ import annotations

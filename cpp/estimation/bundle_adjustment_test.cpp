@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Long: one solver, one test a promise of its header.
 #include "estimation/bundle_adjustment.hpp"
 
 #include <boost/test/unit_test.hpp>

@@ -7,8 +7,8 @@
 
 namespace pilotage {
 
-/// Grey 8-bit picture that somebody else owns; rows `stride` bytes apart. Pixel (0, 0) is the centre
-/// of the first pixel.
+/// Grey 8-bit picture that somebody else owns; rows `stride` bytes apart. Pixel (0, 0) is the
+/// centre of the first pixel.
 struct ImageView {
   const std::uint8_t* data = nullptr;
   int width = 0;
@@ -20,8 +20,8 @@ struct ImageView {
   bool empty() const { return data == nullptr; }
 };
 
-/// Grey 8-bit picture that owns its pixels. Rows start 64-byte-strided, and 64 readable bytes follow
-/// the last row, so that a kernel may load whole registers.
+/// Grey 8-bit picture that owns its pixels. Rows start 64-byte-strided, and 64 readable bytes
+/// follow the last row, so that a kernel may load whole registers.
 class Image {
  public:
   Image() = default;

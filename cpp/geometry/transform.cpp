@@ -28,8 +28,7 @@ Transform transform_exp(const Vector6d& twist) {
 Vector6d transform_log(const Transform& b_from_a) {
   Vector6d twist;
   twist.tail<3>() = rotation_log(b_from_a.rotation);
-  twist.head<3>() =
-      left_jacobian(twist.tail<3>()).partialPivLu().solve(b_from_a.translation);
+  twist.head<3>() = left_jacobian(twist.tail<3>()).partialPivLu().solve(b_from_a.translation);
   return twist;
 }
 

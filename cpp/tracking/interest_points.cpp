@@ -11,7 +11,8 @@
 namespace pilotage {
 namespace {
 
-/// Smooths the row between two others, by the weight `centre` and the rest on either side, both ways.
+/// Smooths the row between two others, by the weight `centre` and the rest on either side, both
+/// ways.
 PILOTAGE_KERNEL void smooth_row(const std::uint8_t* above, const std::uint8_t* row,
                                 const std::uint8_t* below, int width, float centre,
                                 float* __restrict column, float* __restrict out) {

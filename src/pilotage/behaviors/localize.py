@@ -128,12 +128,13 @@ class _Run:
             error=error,
         )
         faults = []
-        for write in (
+        writes: tuple[Callable[[], None], ...] = (
             lambda: self.folder.write_trajectory(records),
             lambda: self.folder.write_cloud(points, greys),
             lambda: self.folder.write_truth(truth_records(self.recording)),
             lambda: self.folder.write_summary(summary),
-        ):
+        )
+        for write in writes:
             try:
                 write()
             except RunError as fault:

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// The part of StereoOdometry that keeps the window: when a keyframe is made, and what it brings.
+#include <algorithm>
+#include <utility>
+
+#include "odometry/new_points.hpp"
+#include "odometry/stereo_odometry.hpp"
+
+namespace pilotage {
+
+bool StereoOdometry::needs_keyframe(const Tracked& tracked) const {
+  if (pairs_since_keyframe_ + 1 >= config_.adjust_every) return true;
+  if (tracked.step.inliers < config_.keyframe_overlap * config_.points) return true;
+  const Transform last_from_world = window_.keyframes().back().world_from_left.inverse();
+  std::vector<float> motion_px;
+  for (std::size_t i = 0; i < tracked.matches.size(); ++i) {
+    if (!tracked.step.inlier[i]) continue;
+    const Match& match = tracked.matches[i];
+    const Eigen::Vector3d p = last_from_world * window_.landmarks()[match.landmark].point_in_world;
+    if (p.z() < 0.05) continue;
+    motion_px.push_back((stereo_.project_left(p).cast<float>() - match.left_px).norm());
+  }
+  return quantile(std::move(motion_px), 0.5) > config_.keyframe_parallax_px;
+}
+
+std::vector<Landmark> StereoOdometry::add_sightings(const Keyframe& keyframe,
+                                                    const Tracked& tracked,
+                                                    std::vector<Eigen::Vector2f>& occupied) {
+  const int leaving = window_.is_full() ? window_.keyframes().front().serial : -1;
+  std::vector<Landmark> rehosted;
+  for (std::size_t i = 0; i < tracked.matches.size(); ++i) {
+    if (!tracked.step.inlier[i]) continue;
+    const Match& m = tracked.matches[i];
+    Landmark& landmark = window_.landmarks()[m.landmark];
+    const Sighting sighting{keyframe.serial, m.left_px, m.right_x_px, m.left_sigma_px,
+                            m.right_sigma_px};
+    occupied.push_back(m.left_px);
+    if (landmark.host != leaving) {
+      landmark.sightings.push_back(sighting);
+      continue;
+    }
+    // Its host goes: the point begins anew here, with this sighting, which the old one must not
+    // have had, or it would count twice.
+    Landmark& again = rehosted.emplace_back(landmark);
+    again.host = keyframe.serial;
+    again.host_px = m.left_px;
+    again.sightings = {sighting};
+  }
+  return rehosted;
+}
+
+void StereoOdometry::make_keyframe(const PyramidPair& pair, const Tracked& tracked) {
+  Keyframe keyframe;
+  keyframe.serial = next_keyframe_++;
+  keyframe.world_from_left = tracked.step.world_from_left;
+  keyframe.left = pair.left;
+  std::vector<Eigen::Vector2f> occupied;
+  std::vector<Landmark> rehosted = add_sightings(keyframe, tracked, occupied);
+  window_.add_keyframe(keyframe);
+  window_.slide(block_);
+  for (Landmark& landmark : rehosted) window_.landmarks().push_back(std::move(landmark));
+  if (window_.keyframes().size() > 1) adjust_window();
+  const std::vector<Landmark> found =
+      find_new_landmarks(detector_, pair, window_.keyframes().back(), occupied, stereo_, config_);
+  window_.landmarks().insert(window_.landmarks().end(), found.begin(), found.end());
+  recovery_.set_reference(pair);
+  pairs_since_keyframe_ = 0;
+}
+
+void StereoOdometry::adjust_window() {
+  const BundleResult result = window_.adjust(block_);
+  sigma0_ = std::clamp(result.sigma0, 0.5, 3.0);
+  const int newest = window_.keyframes().back().serial;
+  if (config_.right_x_offset_prior_px <= 0 || !window_.is_full() ||
+      newest % config_.window_keyframes != 0) {
+    return;
+  }
+  BundleProblem problem = window_.problem();
+  problem.stereo = rectifier_.stereo();
+  monitor_.add_window(std::move(problem));
+  stereo_.cx_right_px = rectifier_.stereo().cx_right_px + monitor_.right_x_offset_px();
+  window_.set_stereo(stereo_);
+}
+
+}  // namespace pilotage
