@@ -8,13 +8,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "estimation/collinearity.hpp"
+
 namespace pilotage {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double nearest_depth_m = 1e-3;
 /// |v| that a Gaussian exceeds as rarely as one number exceeds 3 sigma, over 3: so that the
 /// constants of the robust losses keep their meaning for the length of 2 and of 3 residuals.
 constexpr double length_scale_2 = 1.1464514372571466;
@@ -27,31 +28,6 @@ constexpr double inlier_limit = 3.0;
 constexpr double min_weight_share = 0.2;
 /// A step that moves the pose by less than this part of its standard error (squared) ends it.
 constexpr double converged_step2 = 1e-6;
-
-/// One point at one pose. residual and projection are whitened: multiplied by L^-1 with L L^T the
-/// covariance of the residual.
-struct Equation {
-  Vector3d point_in_camera;
-  Vector3d residual;
-  Matrix3d projection;    ///< d residual / d point_in_camera
-  double length = 0;      ///< |residual|
-  double squared_px = 0;  ///< squared length before whitening
-  double weight = 0;
-  int dimension = 0;  ///< 2 or 3; 0: not usable
-};
-
-/// L^-1 of the symmetric positive definite `covariance`.
-Matrix3d inverse_cholesky(const Matrix3d& covariance) {
-  const double a = 1.0 / std::sqrt(covariance(0, 0));
-  const double l10 = covariance(1, 0) * a, l20 = covariance(2, 0) * a;
-  const double b = 1.0 / std::sqrt(covariance(1, 1) - l10 * l10);
-  const double l21 = (covariance(2, 1) - l20 * l10) * b;
-  const double c = 1.0 / std::sqrt(covariance(2, 2) - l20 * l20 - l21 * l21);
-  const double i10 = -l10 * a * b;
-  Matrix3d inverse;
-  inverse << a, 0, 0, i10, b, 0, -(l20 * a + l21 * i10) * c, -l21 * b * c, c;
-  return inverse;
-}
 
 double length_scale(int dimension) { return dimension == 3 ? length_scale_3 : length_scale_2; }
 
@@ -73,7 +49,6 @@ class Resection {
 
  private:
   void linearise(const Transform& camera_from_world);
-  void whiten(Equation& equation, Vector3d sigma2, const Matrix3d& world_covariance) const;
   void estimate_sigma();
   double weigh(int iteration);
   void choose_weights(int iteration);
@@ -91,64 +66,23 @@ class Resection {
   std::span<const Matrix3d> point_covariances_;
   const std::optional<PredictedPose>& predicted_;
 
-  std::vector<Equation> equations_;
+  std::vector<CollinearityEquation> equations_;
   std::vector<double> lengths_;
-  Matrix3d camera_from_world_rotation_;
   int usable_ = 0;
   double sigma0_ = 1;
   Matrix6d normal_;
   Vector6d gradient_;
 };
 
-void Resection::whiten(Equation& e, Vector3d sigma2, const Matrix3d& world_covariance) const {
-  const Matrix3d p = e.projection * camera_from_world_rotation_;
-  Matrix3d covariance = p * world_covariance * p.transpose();
-  covariance.diagonal() += sigma2;
-  const Matrix3d whitener = inverse_cholesky(covariance);
-  e.residual = whitener * e.residual;
-  e.projection = whitener * e.projection;
-}
-
 void Resection::linearise(const Transform& camera_from_world) {
-  camera_from_world_rotation_ = camera_from_world.rotation.toRotationMatrix();
-  const double f = stereo_.focal_px;
-  usable_ = 0;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    const StereoObservation& seen = observations_[i];
-    Equation& e = equations_[i];
-    e.dimension = 0;
-    e.point_in_camera = camera_from_world_rotation_ * points_[i] + camera_from_world.translation;
-    const Vector3d& p = e.point_in_camera;
-    if (!(p.z() > nearest_depth_m)) continue;
-    const bool in_both = !std::isnan(seen.right_x_px);
-    const double g = f / p.z();
-    const double x = p.x() / p.z(), y = p.y() / p.z();
-    const double x_right = x - stereo_.baseline_m / p.z();
-    e.residual = {f * x + stereo_.cx_px - seen.left_x_px, f * y + stereo_.cy_px - seen.left_y_px,
-                  in_both ? f * x_right + stereo_.cx_right_px - seen.right_x_px : 0.0};
-    const double right = in_both ? g : 0.0;
-    e.projection << g, 0, -g * x, 0, g, -g * y, right, 0, -right * x_right;
-    e.squared_px = e.residual.squaredNorm();
-    const double left2 = double{seen.left_sigma_px} * seen.left_sigma_px;
-    const Vector3d sigma2(left2, left2, double{seen.right_sigma_px} * seen.right_sigma_px);
-    if (point_covariances_.empty()) {
-      const Vector3d inverse = sigma2.cwiseSqrt().cwiseInverse();
-      e.residual = inverse.cwiseProduct(e.residual);
-      e.projection = inverse.asDiagonal() * e.projection;
-    } else {
-      whiten(e, sigma2, point_covariances_[i]);
-    }
-    e.length = e.residual.norm();
-    if (!std::isfinite(e.length)) continue;
-    e.dimension = in_both ? 3 : 2;
-    ++usable_;
-  }
+  usable_ = linearise_collinearity(points_, observations_, stereo_, camera_from_world,
+                                   point_covariances_, equations_);
 }
 
 /// By MAD, not limited yet.
 void Resection::estimate_sigma() {
   lengths_.clear();
-  for (const Equation& e : equations_) {
+  for (const CollinearityEquation& e : equations_) {
     if (e.dimension == 0) continue;
     lengths_.push_back(e.length / (e.dimension == 3 ? length_median_3 : length_median_2));
   }
@@ -161,7 +95,7 @@ void Resection::estimate_sigma() {
 /// Returns the sum of the robust weights.
 double Resection::weigh(int iteration) {
   double sum = 0;
-  for (Equation& e : equations_) {
+  for (CollinearityEquation& e : equations_) {
     e.weight = 0;
     if (e.dimension == 0) continue;
     const double normalised = e.length / (sigma0_ * length_scale(e.dimension));
@@ -186,7 +120,7 @@ void Resection::accumulate() {
   // Unknown is xi with world_from_camera * exp(xi): d point_in_camera = -[I, -[p]x] xi.
   Matrix3d position = Matrix3d::Zero(), mixed = Matrix3d::Zero(), rotation = Matrix3d::Zero();
   Vector3d force = Vector3d::Zero(), torque = Vector3d::Zero();
-  for (const Equation& e : equations_) {
+  for (const CollinearityEquation& e : equations_) {
     if (!(e.weight > 0)) continue;
     const Matrix3d k = cross_matrix(e.point_in_camera);
     const Matrix3d b = e.weight * (e.projection.transpose() * e.projection);
@@ -218,7 +152,7 @@ void Resection::add_prediction(const Transform& camera_from_world) {
 
 double Resection::cost(const Transform& camera_from_world) const {
   double sum = 0;
-  for (const Equation& e : equations_) {
+  for (const CollinearityEquation& e : equations_) {
     // A point that fell behind the camera costs what a hopeless blunder does.
     sum += e.weight * (e.dimension == 0 ? 1e6 : e.length * e.length);
   }
@@ -259,7 +193,7 @@ void Resection::classify(ResectionResult& result) {
   double length2 = 0, squared_px = 0;
   int equations = 0;
   for (std::size_t i = 0; i < equations_.size(); ++i) {
-    Equation& e = equations_[i];
+    CollinearityEquation& e = equations_[i];
     e.weight = 0;
     if (e.dimension == 0 || e.length > inlier_limit * sigma0_ * length_scale(e.dimension)) continue;
     e.weight = 1;
@@ -274,7 +208,7 @@ void Resection::classify(ResectionResult& result) {
     sigma0_ = std::clamp(std::sqrt(length2 / redundancy), options_.min_sigma0, options_.max_sigma0);
   }
   if (equations > 0) result.rms_px = std::sqrt(squared_px / equations);
-  for (Equation& e : equations_) e.weight /= sigma0_ * sigma0_;
+  for (CollinearityEquation& e : equations_) e.weight /= sigma0_ * sigma0_;
 }
 
 void Resection::finish(const Transform& camera_from_world, ResectionResult& result) {
