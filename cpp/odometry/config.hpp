@@ -30,7 +30,7 @@ struct OdometryConfig {
   double max_depth_m = 1000;
   int min_inliers = 20;
   double right_x_offset_prior_px = 0.3;
-  double scale_sigma = 0.005;
+  double scale_sigma = 0.01;
   double restart_after_s = 0.5;
   int threads = 1;
   std::int64_t seed = 1;
