@@ -150,6 +150,22 @@ PILOTAGE_INLINE void judge(const Template& t, float correlation, float freedom, 
   match.sigma_px = {std::sqrt(x2), std::sqrt(y2)};
 }
 
+/// One Gauss-Newton step (x, y) from where the window `here`, of mean zero, was sampled.
+PILOTAGE_INLINE void find_step(const Template& t, const Window& here, float norm2, int rows,
+                               bool along_row_only, float* step) {
+  // The gradients are orthogonal to the template, so it drops out of the right hand side.
+  const float scale = std::sqrt(t.norm2 / norm2);
+  const float bx = scale * dot(here, t.gx, rows);
+  if (along_row_only) {
+    step[0] = -bx / t.xx;
+    step[1] = 0;
+  } else {
+    const float by = scale * dot(here, t.gy, rows);
+    step[0] = (t.xy * by - t.yy * bx) / t.determinant;
+    step[1] = (t.xy * bx - t.xx * by) / t.determinant;
+  }
+}
+
 PILOTAGE_KERNEL void refine(const ImageView& a, const float* point, const ImageView& b,
                             const float* guess, const SubpixelOptions& options,
                             SubpixelMatch& match) {
@@ -163,35 +179,25 @@ PILOTAGE_KERNEL void refine(const ImageView& a, const float* point, const ImageV
   if (t.norm2 < count || t.determinant <= (options.along_row_only ? 1.0F : 1e-4F * t.xx * t.yy)) {
     return;
   }
-  float x = guess[0], y = guess[1];
+  Window here;
   for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
-    const Eigen::Vector2f now(x, y);
-    if (std::abs(x - guess[0]) > options.max_shift_px ||
-        std::abs(y - guess[1]) > options.max_shift_px || !is_inside(b, now, options)) {
+    Eigen::Vector2f& place = match.position_px;
+    if (std::abs(place.x() - guess[0]) > options.max_shift_px ||
+        std::abs(place.y() - guess[1]) > options.max_shift_px || !is_inside(b, place, options)) {
       return;
     }
-    Window here;
-    sample(b, x - static_cast<float>(options.half_width_px),
-           y - static_cast<float>(options.half_height_px), rows, here);
+    sample(b, place.x() - static_cast<float>(options.half_width_px),
+           place.y() - static_cast<float>(options.half_height_px), rows, here);
     centre(here, mask, rows, count);
     const float norm2 = dot(here, here, rows);
     if (norm2 < 1) return;
-    match.position_px = now;
-    const float along = dot(here, t.value, rows);
-    // The gradients are orthogonal to the template, so it drops out of the right hand side.
-    const float scale = std::sqrt(t.norm2 / norm2);
-    const float bx = scale * dot(here, t.gx, rows);
-    const float by = options.along_row_only ? 0.0F : scale * dot(here, t.gy, rows);
-    const float dx = options.along_row_only ? bx / t.xx : (t.yy * bx - t.xy * by) / t.determinant;
-    const float dy = options.along_row_only ? 0.0F : (t.xx * by - t.xy * bx) / t.determinant;
-    judge(t, along / std::sqrt(t.norm2 * norm2), count - 4, options.along_row_only, match);
-    x -= dx;
-    y -= dy;
+    judge(t, dot(here, t.value, rows) / std::sqrt(t.norm2 * norm2), count - 4,
+          options.along_row_only, match);
+    float step[2];
+    find_step(t, here, norm2, rows, options.along_row_only, step);
+    place += Eigen::Vector2f(step[0], step[1]);
     // The next step would be some tenths of this one.
-    if (std::abs(dx) + std::abs(dy) < 0.02F) {
-      match.position_px = {x, y};
-      break;
-    }
+    if (std::abs(step[0]) + std::abs(step[1]) < 0.02F) break;
   }
   match.ok = match.correlation > 0;
 }
