@@ -43,6 +43,8 @@ struct BundleProblem {
 };
 
 struct BundleOptions {
+  /// Weighs whole observations: by the length of their normalised residual over the square root of
+  /// its components (3, or 2 without the right picture).
   RobustLoss loss = RobustLoss::huber;
   int max_iterations = 10;
   double relative_cost_change = 1e-4;  ///< converged below this
@@ -57,12 +59,15 @@ struct BundleResult {
   int iterations = 0;
   double initial_cost = 0, final_cost = 0;  ///< robust cost, half sum of squares
   int residuals = 0;
-  /// Robust estimate (MAD) of the normalised residuals' sigma: 1 when the sigmas given were right.
+  /// Robust estimate of the normalised residuals' sigma, 1 when the sigmas given were right: 1.4826
+  /// times the median absolute component, enlarged by sqrt(n / (n - u)) for the u unknowns that
+  /// took up some of the n components.
   double sigma0 = 1;
-  /// Normalised residual length of each observation at the end.
+  /// Normalised residual length of each observation at the end; 1000 when the point cannot be
+  /// predicted (behind the camera, or a pixel that is NaN): such an observation has no weight.
   std::vector<float> normalised_residuals;
   /// Covariance of each pose for the left perturbation (translation, rotation), when asked for;
-  /// zero for fixed poses. Not scaled by sigma0.
+  /// zero for fixed poses, about 1e8 where nothing is known. Not scaled by sigma0.
   std::vector<Matrix6d> pose_covariances;
   double right_x_offset_sigma_px = 0;  ///< standard error, when it was free
 };
@@ -71,11 +76,16 @@ struct BundleResult {
 ///
 /// Schur-complement Levenberg-Marquardt (Triggs et al. 2000): points are eliminated one by one, the
 /// reduced camera system is sparse (block profile Cholesky), so cost grows linearly with the length
-/// of a path. The result has the same bits for any number of threads.
+/// of a path. The result has the same bits for any number of threads. Unknowns that nothing
+/// determines stay where they are. Throws std::invalid_argument when the problem contradicts
+/// itself.
 BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options);
 
 /// Removes frame 0 and every point it sees from the problem; what they said about the other poses
-/// becomes the new prior (replacing the old one, which is folded in).
+/// becomes the new prior (replacing the old one, which is folded in), linearised where the poses
+/// are now, with robust weights of now. Call it on an adjusted problem. If frame 0 was fixed, the
+/// others are then known relative to it. A free offset is eliminated: what was learnt of it is
+/// given up.
 void marginalize_first_frame(BundleProblem& problem, const BundleOptions& options);
 
 }  // namespace pilotage

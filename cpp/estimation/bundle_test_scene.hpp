@@ -29,6 +29,20 @@ struct Scene {
 
 namespace scene_detail {
 
+/// A seeded source of noise.
+struct Chance {
+  std::mt19937 random;
+  std::normal_distribution<double> normal{};
+  std::uniform_real_distribution<double> uniform{};
+
+  double gauss() { return normal(random); }
+  double share() { return uniform(random); }
+  Eigen::Vector3d vector(double size) {
+    const double x = gauss(), y = gauss(), z = gauss();
+    return size * Eigen::Vector3d(x, y, z);
+  }
+};
+
 inline std::vector<Transform> drive(const SceneSettings& settings) {
   std::vector<Transform> poses;
   for (int f = 0; f < settings.frames; ++f) {
@@ -56,64 +70,73 @@ inline std::optional<StereoObservation> observe(const RectifiedStereo& stereo,
   return seen;
 }
 
+inline void spoil(const SceneSettings& settings, Chance& chance, StereoObservation& seen) {
+  for (float* value : {&seen.left_x_px, &seen.left_y_px, &seen.right_x_px}) {
+    *value += static_cast<float>(settings.noise_px * chance.gauss());
+  }
+  if (settings.noise_px > 0) {
+    seen.left_sigma_px = seen.right_sigma_px = static_cast<float>(settings.noise_px);
+  }
+  if (chance.share() < settings.blunders) {
+    seen.left_x_px += static_cast<float>(120 * chance.share() - 60);
+    seen.left_y_px += static_cast<float>(120 * chance.share() - 60);
+  }
+  if (chance.share() < settings.mono) seen.right_x_px = std::nanf("");
+}
+
+/// Adds a point seen from one of the frames on, if two of them see it.
+inline void add_point(const SceneSettings& settings, Chance& chance, Scene& scene) {
+  BundleProblem& problem = scene.problem;
+  const int host = static_cast<int>(chance.share() * settings.frames);
+  const double depth = 4.0 + 36.0 * chance.share() * chance.share();
+  const double x = 1241 * chance.share(), y = 376 * chance.share();
+  const Eigen::Vector3d point =
+      scene.world_from_left[host] * (depth * problem.stereo.ray(Eigen::Vector2d(x, y)));
+  std::vector<StereoObservation> track;
+  const int begin = std::max(0, host - settings.track / 2);
+  const int end = std::min(settings.frames, host + (settings.track + 1) / 2);
+  for (int f = begin; f < end; ++f) {
+    auto seen = observe(problem.stereo, scene.world_from_left[f], point);
+    if (!seen) continue;
+    seen->frame = f;
+    seen->point = static_cast<int>(scene.points_in_world.size());
+    spoil(settings, chance, *seen);
+    track.push_back(*seen);
+  }
+  if (track.size() < 2) return;
+  scene.points_in_world.push_back(point);
+  problem.observations.insert(problem.observations.end(), track.begin(), track.end());
+}
+
+inline void disturb(const SceneSettings& settings, Chance& chance, Scene& scene) {
+  for (int f = 0; f < settings.frames; ++f) {
+    Transform pose = scene.world_from_left[f];
+    if (f > 0) {
+      pose.translation += chance.vector(settings.disturbance);
+      const Eigen::Vector3d turn = chance.vector(0.1 * settings.disturbance);
+      pose.rotation = (rotation_exp(turn) * pose.rotation).normalized();
+    }
+    scene.problem.world_from_left.push_back(pose);
+    scene.problem.pose_is_fixed.push_back(f == 0);
+  }
+  for (const Eigen::Vector3d& point : scene.points_in_world) {
+    scene.problem.points_in_world.push_back(point + chance.vector(3.0 * settings.disturbance));
+  }
+}
+
 }  // namespace scene_detail
 
 /// A camera that drives forward through a cloud of points, turning slowly. Exact observations are
 /// rounded to float: about 1e-5 px.
 inline Scene make_scene(const SceneSettings& settings) {
-  std::mt19937 random(settings.seed);
-  std::normal_distribution<double> normal;
-  std::uniform_real_distribution<double> uniform;
+  scene_detail::Chance chance{std::mt19937(settings.seed)};
   Scene scene;
-  BundleProblem& problem = scene.problem;
-  problem.stereo = {1241, 376, 718.9, 607.2, 185.2, 607.2, 0.5372};
+  scene.problem.stereo = {1241, 376, 718.9, 607.2, 185.2, 607.2, 0.5372};
   scene.world_from_left = scene_detail::drive(settings);
-  const auto noise = [&] { return static_cast<float>(settings.noise_px * normal(random)); };
   while (static_cast<int>(scene.points_in_world.size()) < settings.points) {
-    const int host = static_cast<int>(uniform(random) * settings.frames);
-    const double depth = 4.0 + 36.0 * uniform(random) * uniform(random);
-    const Eigen::Vector2d pixel(1241 * uniform(random), 376 * uniform(random));
-    const Eigen::Vector3d point = scene.world_from_left[host] * (depth * problem.stereo.ray(pixel));
-    const int index = static_cast<int>(scene.points_in_world.size());
-    std::vector<StereoObservation> track;
-    for (int f = std::max(0, host - settings.track / 2);
-         f < std::min(settings.frames, host + (settings.track + 1) / 2); ++f) {
-      auto seen = scene_detail::observe(problem.stereo, scene.world_from_left[f], point);
-      if (!seen) continue;
-      seen->frame = f;
-      seen->point = index;
-      seen->left_x_px += noise();
-      seen->left_y_px += noise();
-      seen->right_x_px += noise();
-      if (settings.noise_px > 0) {
-        seen->left_sigma_px = seen->right_sigma_px = static_cast<float>(settings.noise_px);
-      }
-      if (uniform(random) < settings.blunders) {
-        seen->left_x_px += static_cast<float>(120 * uniform(random) - 60);
-        seen->left_y_px += static_cast<float>(120 * uniform(random) - 60);
-      }
-      if (uniform(random) < settings.mono) seen->right_x_px = std::nanf("");
-      track.push_back(*seen);
-    }
-    if (track.size() < 2) continue;
-    scene.points_in_world.push_back(point);
-    problem.observations.insert(problem.observations.end(), track.begin(), track.end());
+    scene_detail::add_point(settings, chance, scene);
   }
-  const auto shake = [&]() -> Eigen::Vector3d {
-    return Eigen::Vector3d(normal(random), normal(random), normal(random)) * settings.disturbance;
-  };
-  for (int f = 0; f < settings.frames; ++f) {
-    Transform pose = scene.world_from_left[f];
-    if (f > 0) {
-      pose.translation += shake();
-      pose.rotation = (rotation_exp(0.1 * shake()) * pose.rotation).normalized();
-    }
-    problem.world_from_left.push_back(pose);
-    problem.pose_is_fixed.push_back(f == 0);
-  }
-  for (const Eigen::Vector3d& point : scene.points_in_world) {
-    problem.points_in_world.push_back(point + 3.0 * shake());
-  }
+  scene_detail::disturb(settings, chance, scene);
   return scene;
 }
 
