@@ -61,7 +61,9 @@ void StereoOdometry::make_keyframe(const PyramidPair& pair, const Tracked& track
   for (Landmark& landmark : rehosted) window_.landmarks().push_back(std::move(landmark));
   if (window_.keyframes().size() > 1) adjust_window();
   const std::vector<Landmark> found =
-      find_new_landmarks(detector_, pair, window_.keyframes().back(), occupied, stereo_, config_);
+      paper_ ? paper_->new_landmarks(pair, window_.keyframes().back(), occupied, stereo_)
+             : find_new_landmarks(detector_, pair, window_.keyframes().back(), occupied, stereo_,
+                                  config_);
   window_.landmarks().insert(window_.landmarks().end(), found.begin(), found.end());
   recovery_.set_reference(pair);
   pairs_since_keyframe_ = 0;

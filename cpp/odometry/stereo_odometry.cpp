@@ -43,6 +43,9 @@ StereoOdometry::StereoOdometry(const StereoRig& rig, const OdometryConfig& confi
       monitor_(config) {
   const Transform left_from_rectified{rectifier_.rectified_from_left().conjugate(),
                                       Eigen::Vector3d::Zero()};
+  if (config.front_end == FrontEnd::paper) {
+    paper_ = std::make_unique<PaperFrontEnd>(stereo_, config);
+  }
   robot_from_rectified_ = rig.robot_from_left.value_or(Transform{}) * left_from_rectified;
 }
 
@@ -144,6 +147,12 @@ Transform StereoOdometry::predict(const PyramidPair& pair, std::int64_t timestam
 
 StereoOdometry::Tracked StereoOdometry::follow(const PyramidPair& pair,
                                                const Transform& predicted) const {
+  Tracked tracked;
+  if (paper_) {
+    tracked.matches = paper_->find(window_, pair, stereo_, predicted);
+    tracked.step = solve_pose(window_, tracked.matches, stereo_, predicted, config_);
+    return tracked;
+  }
   const int count = static_cast<int>(window_.landmarks().size());
   const PatchSearch probe{std::max(1, count / probes), 1};
   Transform world_from_left = predicted;
@@ -156,7 +165,6 @@ StereoOdometry::Tracked StereoOdometry::follow(const PyramidPair& pair,
     world_from_left = refine_prediction(window_, probed, stereo_, predicted, config_);
   }
   const PatchSearch search{1, is_good ? 0 : 1};
-  Tracked tracked;
   tracked.matches = track_patches(window_, pair, stereo_, world_from_left, search, config_);
   tracked.step = solve_pose(window_, tracked.matches, stereo_, world_from_left, config_);
   return tracked;

@@ -8,6 +8,7 @@
 #include "odometry/calibration_monitor.hpp"
 #include "odometry/config.hpp"
 #include "odometry/matches.hpp"
+#include "odometry/paper_front_end.hpp"
 #include "odometry/picture_check.hpp"
 #include "odometry/pose_step.hpp"
 #include "odometry/recovery.hpp"
@@ -85,6 +86,7 @@ class StereoOdometry {
   RectifiedStereo stereo_;  ///< as calibrated, but for the offset found
   Transform robot_from_rectified_;
   HarrisDetector detector_;
+  std::unique_ptr<PaperFrontEnd> paper_;  ///< only where it is the chosen front end
   Window window_;
   Block block_;
   Recovery recovery_;
