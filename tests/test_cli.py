@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: every verb, every exit code, through the real program.
 """The program itself, from recording to report, and its exit codes."""
 
 from __future__ import annotations
@@ -175,7 +176,10 @@ def test_interrupt_keeps_what_was_computed(
     out = tmp_path / "out"
     command = [*PROGRAM, "localize", str(recording.path), "-o", str(out), "--no-report"]
     with subprocess.Popen(
-        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, preexec_fn=_heed_interrupts  # noqa: PLW1509
+        command,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        preexec_fn=_heed_interrupts,  # noqa: PLW1509
     ) as running:
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline and _lines(out / POSES_LIVE) < 10:
