@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: one test a promise about status, reasons and poses.
 """The odometry on rendered recordings: accurate, repeatable, and honest when pictures are bad.
 
 Twenty pictures played forwards and back again make 39 pairs. What is wrong with them is put in by

@@ -42,6 +42,7 @@ struct Matches {
 Matches arrange(std::span<const Vector3d> points, std::span<const StereoObservation> observations,
                 const RectifiedStereo& stereo, std::span<const Matrix3d> covariances, double cap,
                 const Transform& camera_from_points) {
+  // Long: one column of the arrays after the other, each with its reason.
   Matches m;
   const int count = static_cast<int>(points.size());
   m.padded = (count + block - 1) / block * block;
