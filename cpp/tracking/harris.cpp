@@ -41,12 +41,12 @@ void HarrisOptions::validate() const {
 
 HarrisDetector::HarrisDetector(const HarrisOptions& options)
     : options_(options),
-      // Long: followed by small functions that a line count takes for one.
       // Spares take the place of points that fall to a stronger neighbour of another cell.
       candidates_per_cell_(options.points_per_cell + 3),
       shorts_(8 * pixel_line),
       lines_(static_cast<std::size_t>(line_count) * bin_line),
       is_maximum_(bin_line) {
+  // Long: only to a count that takes the functions behind this one for its body.
   options_.validate();
 }
 
