@@ -4,9 +4,9 @@
     python benchmarks/consistency.py [--runs 100] [--recordings 8] [--pairs 16]
 
 First the estimation alone: seeded drives past random points with Gaussian noise of the sigma that
-is told, through a sliding window (adjustment, marginalisation) and through one adjustment of
-all the path at once. Then StereoOdometry on rendered recordings of an exact rig. A run gives one
-number: the squared error of its last pose over its covariance, chi-square with 6 degrees of freedom if honest.
+is told, through a sliding window (adjustment, marginalisation) and through one adjustment of all of
+the path. Then StereoOdometry on rendered recordings of an exact rig. A run gives one number: the
+squared error of its last pose over its covariance, chi-square with 6 degrees of freedom if honest.
 The mean over all runs must lie in its 99 % band. Exit 1 when one is above it: too sure of itself.
 """
 
