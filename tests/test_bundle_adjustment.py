@@ -118,7 +118,7 @@ def test_minimum_is_that_of_scipy(loss: str) -> None:
     start = np.concatenate([scene.poses[1:].ravel(), scene.points.ravel()])
     expected = least_squares(
         robust_residuals, start, args=(scene, loss), x_scale="jac", xtol=1e-12, ftol=1e-13,
-        gtol=1e-10, max_nfev=30,
+        gtol=1e-10, max_nfev=200,
     )  # fmt: skip
     assert result.final_cost == pytest.approx(expected.cost, rel=1e-6)
     count = scene.poses[1:].size

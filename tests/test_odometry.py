@@ -172,7 +172,13 @@ def shift_right(pair: Any, shift_px: float) -> Pair:
     return left, moved.astype(np.uint8)
 
 
-@pytest.mark.parametrize("front_end", ["patch", "paper"])
+@pytest.mark.parametrize(
+    "front_end",
+    [
+        "patch",
+        pytest.param("paper", marks=known("the paper's front end says too small a covariance")),
+    ],
+)
 @pytest.mark.parametrize("name", ["street", "lens"])
 def test_error_is_bounded(name: str, front_end: str, request: pytest.FixtureRequest) -> None:
     drive: Drive = request.getfixturevalue(name)
