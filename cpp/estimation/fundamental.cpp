@@ -11,6 +11,7 @@
 #include "estimation/epipolar.hpp"
 #include "estimation/homography.hpp"
 #include "estimation/ransac.hpp"
+#include "geometry/transform.hpp"
 
 namespace pilotage {
 namespace {
@@ -29,6 +30,14 @@ constexpr double plane_limit_sigma = 4.5;
 /// F counts only if it explains this part of the matches that one plane does not, and so many.
 constexpr double min_off_plane_share = 0.3;
 constexpr int min_off_plane = 10;
+/// A plane with this part of the inliers outvotes the rest in samples of eight; two matches off it
+/// are found in so many draws even if one in seven of what lies off the plane is good.
+constexpr double dominance = 0.7;
+constexpr int parallax_samples = 200;
+
+int count_of(const std::vector<char>& marks) {
+  return static_cast<int>(std::count(marks.begin(), marks.end(), 1));
+}
 
 class Search {
  public:
@@ -48,7 +57,9 @@ class Search {
   int weigh_within(double limit_px);
   void refine(const Matrix3d& candidate);
   bool reject_repeatedly();
-  bool is_degenerate() const;
+  DominantPlane find_plane() const;
+  bool improve_by_parallax(const DominantPlane& plane);
+  bool is_degenerate(const DominantPlane& plane) const;
   bool measure_paper();
   double robust_sigma(std::vector<double>& magnitudes, double limit) const;
   void conclude(const std::vector<double>& q, double limit);
@@ -158,14 +169,50 @@ void Search::conclude(const std::vector<double>& q, double limit) {
   check_.m_q = count > 0 ? std::sqrt(sum / count) : 0;
 }
 
+DominantPlane Search::find_plane() const {
+  return dominant_plane(matches_, check_.inlier, plane_limit_sigma * check_.sigma,
+                        options_.seed + 1);
+}
+
+/// Plane and parallax (Chum, Werner and Matas 2005): with the plane's homography H, two matches off
+/// it show the epipole e, and F = [e]x H. True if that costs less.
+bool Search::improve_by_parallax(const DominantPlane& plane) {
+  std::vector<int> off_plane;
+  for (int i = 0; i < matches_.count; ++i) {
+    if (!plane.explained[i]) off_plane.push_back(i);
+  }
+  if (off_plane.size() < min_off_plane || plane.count < dominance * count_of(check_.inlier)) {
+    return false;
+  }
+  const auto line = [&](int i) -> Eigen::Vector3d {
+    const Eigen::Vector3d a(matches_.ax[i], matches_.ay[i], 1),
+        b(matches_.bx[i], matches_.by[i], 1);
+    return b.cross(plane.b_from_a * a);
+  };
+  const float before = best_cost_;
+  float lowest = std::numeric_limits<float>::infinity();
+  Matrix3d best = fundamental_;
+  Sampler sampler(static_cast<int>(off_plane.size()), 2, {}, options_.seed + 2);
+  for (int draw = 0; draw < parallax_samples; ++draw) {
+    std::array<int, 2> sample;
+    sampler.draw(sample);
+    const Eigen::Vector3d epipole = line(off_plane[sample[0]]).cross(line(off_plane[sample[1]]));
+    const Matrix3d candidate = cross_matrix(epipole.normalized()) * plane.b_from_a;
+    const float cost = sampson_cost(matches_, candidate, lowest);
+    if (!(cost < lowest)) continue;
+    lowest = cost;
+    best = candidate;
+  }
+  refine(best);
+  return best_cost_ < before;
+}
+
 /// Planes, turns and standing still leave a family of F, whose members reject good matches at will.
-bool Search::is_degenerate() const {
-  const std::vector<char> on_plane =
-      dominant_plane(matches_, check_.inlier, plane_limit_sigma * check_.sigma, options_.seed + 1);
+bool Search::is_degenerate(const DominantPlane& plane) const {
   int off_plane = 0, explained = 0;
   for (int i = 0; i < matches_.count; ++i) {
-    off_plane += !on_plane[i];
-    explained += !on_plane[i] && check_.inlier[i];
+    off_plane += !plane.explained[i];
+    explained += !plane.explained[i] && check_.inlier[i];
   }
   return explained < min_off_plane || explained < min_off_plane_share * off_plane;
 }
@@ -200,8 +247,11 @@ EpipolarCheck Search::run(std::span<const float> qualities) {
   if (matches_.count < options_.min_inliers || !find_fundamental(qualities)) return check_;
   check_.ok = reject_repeatedly();
   if (!check_.ok) return check_;
+  const DominantPlane plane = find_plane();
+  if (improve_by_parallax(plane)) check_.ok = reject_repeatedly();
+  if (!check_.ok) return check_;
   check_.fundamental = matches_.to_pixels(fundamental_);
-  check_.degenerate = is_degenerate();
+  check_.degenerate = is_degenerate(plane);
   if (!check_.degenerate && options_.residual == EpipolarResidual::paper_f33) {
     check_.degenerate = !measure_paper();
   }

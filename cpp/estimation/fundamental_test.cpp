@@ -124,9 +124,13 @@ BOOST_AUTO_TEST_CASE(degenerate_motions_and_scenes_lose_no_good_match) {
   }
 }
 
+/// Nine in ten of the good matches on one plane; among what lies off it, five in seven are wrong.
+/// Samples of eight lose some of the good ones in one trial of 40.
 BOOST_AUTO_TEST_CASE(a_few_good_points_off_a_plane_survive) {
+  constexpr int trials = 400;
   Random random(34);
-  for (int trial = 0; trial < 20; ++trial) {
+  int losing = 0;
+  for (int trial = 0; trial < trials; ++trial) {
     Matches m = make_matches(random, 240, forward, Scene::plane, 0.3, 0.25);
     const Matches off = make_matches(random, 24, forward, Scene::deep, 0.3, 0.0);
     m.a.insert(m.a.end(), off.a.begin(), off.a.end());
@@ -135,8 +139,9 @@ BOOST_AUTO_TEST_CASE(a_few_good_points_off_a_plane_survive) {
     const EpipolarCheck check = find_blunders(m.a, m.b, {});
     int kept = 0;
     for (int i = 240; i < 264; ++i) kept += check.inlier[i];
-    BOOST_TEST(kept >= 21);
+    losing += kept < 21;
   }
+  BOOST_TEST(losing <= trials / 80);
 }
 
 BOOST_AUTO_TEST_CASE(paper_residual_agrees_where_it_exists) {

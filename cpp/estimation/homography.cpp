@@ -65,22 +65,25 @@ Vector9d refit(const EpipolarMatches& m, const std::vector<char>& explained, int
 
 }  // namespace
 
-std::vector<char> dominant_plane(const EpipolarMatches& m, const std::vector<char>& candidates,
-                                 double limit_px, std::uint64_t seed) {
+DominantPlane dominant_plane(const EpipolarMatches& m, const std::vector<char>& candidates,
+                             double limit_px, std::uint64_t seed) {
   std::vector<int> pool;
   for (int i = 0; i < m.count; ++i) {
     if (candidates[i]) pool.push_back(i);
   }
-  std::vector<char> best(m.count, 0), explained(m.count, 0);
+  DominantPlane best;
+  best.explained.assign(m.count, 0);
+  std::vector<char> explained(m.count, 0);
   if (pool.size() < 4) return best;
   const auto limit = static_cast<float>(limit_px * m.scale);
   Sampler sampler(static_cast<int>(pool.size()), 4, {}, seed);
-  int best_count = 0;
   const auto keep_better = [&](const Vector9d& homography) {
     const int count = mark(m, candidates, homography, limit, explained);
-    if (count <= best_count) return false;
-    best_count = count;
-    best.swap(explained);
+    if (count <= best.count) return false;
+    best.count = count;
+    best.b_from_a =
+        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(homography.data());
+    best.explained.swap(explained);
     return true;
   };
   for (int draw = 0; draw < samples; ++draw) {
@@ -94,7 +97,7 @@ std::vector<char> dominant_plane(const EpipolarMatches& m, const std::vector<cha
     }
     const std::optional<Vector9d> homography = null_vector(stacked);
     if (!homography || !keep_better(*homography)) continue;
-    for (int i = 0; i < refinements && keep_better(refit(m, best, best_count)); ++i) {
+    for (int i = 0; i < refinements && keep_better(refit(m, best.explained, best.count)); ++i) {
     }
   }
   return best;
