@@ -17,11 +17,11 @@ enum class FrontEnd {
 /// Everything that can be set of the odometry; the only home of the defaults.
 struct OdometryConfig {
   FrontEnd front_end = FrontEnd::patch;
-  int points = 400;
+  int points = 500;
   int window_keyframes = 10;
   int adjust_every = 5;
   double keyframe_parallax_px = 20;
-  double keyframe_overlap = 0.7;
+  double keyframe_overlap = 0.6;
   EpipolarResidual y_parallax = EpipolarResidual::sampson;
   RobustLoss loss = RobustLoss::huber;
   double measurement_sigma_px = 0.1;
@@ -47,7 +47,7 @@ struct OdometryConfig {
     visitor("keyframe_parallax_px", config.keyframe_parallax_px, 1.0, 500.0,
             "median image motion since the last keyframe that makes a new one");
     visitor("keyframe_overlap", config.keyframe_overlap, 0.0, 1.0,
-            "a keyframe is made when fewer than this part of the aimed points are tracked");
+            "a keyframe is made when fewer than this part of the last one's points are tracked");
     visitor("y_parallax", config.y_parallax,
             "residual that shows blunders: sampson (pixels) or paper_f33 (the paper's equation 3)");
     visitor("loss", config.loss,

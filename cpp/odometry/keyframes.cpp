@@ -10,7 +10,7 @@ namespace pilotage {
 
 bool StereoOdometry::needs_keyframe(const Tracked& tracked) const {
   if (pairs_since_keyframe_ + 1 >= config_.adjust_every) return true;
-  if (tracked.step.inliers < config_.keyframe_overlap * config_.points) return true;
+  if (tracked.step.inliers < config_.keyframe_overlap * points_at_keyframe_) return true;
   const Transform last_from_world = window_.keyframes().back().world_from_left.inverse();
   std::vector<float> motion_px;
   for (std::size_t i = 0; i < tracked.matches.size(); ++i) {
@@ -45,6 +45,7 @@ std::vector<Landmark> StereoOdometry::add_sightings(const Keyframe& keyframe,
     again.host = keyframe.serial;
     again.host_px = m.left_px;
     again.sightings = {sighting};
+    again.seen_patch.reset();
   }
   return rehosted;
 }
@@ -65,6 +66,7 @@ void StereoOdometry::make_keyframe(const PyramidPair& pair, const Tracked& track
              : find_new_landmarks(detector_, pair, window_.keyframes().back(), occupied, stereo_,
                                   config_);
   window_.landmarks().insert(window_.landmarks().end(), found.begin(), found.end());
+  points_at_keyframe_ = static_cast<int>(occupied.size() + found.size());
   recovery_.set_reference(pair);
   pairs_since_keyframe_ = 0;
 }

@@ -11,6 +11,8 @@ namespace {
 
 /// A landmark not found in so many pairs in a row is left to the adjustment.
 constexpr int max_misses = 2;
+/// Warps that differ less move no pixel of a patch by more than 0.06 px, and its centre not at all.
+constexpr float same_warp = 0.01f;
 constexpr float nan = std::numeric_limits<float>::quiet_NaN();
 
 /// Offsets in the host's picture per offset in the current one, for a surface that faces the host.
@@ -35,35 +37,65 @@ float match_sigma(float noise_sigma_px, const OdometryConfig& config) {
   return std::sqrt(model * model + noise_sigma_px * noise_sigma_px);
 }
 
+/// Which halved copy of the host's picture shows the patch at about the current size: a surface
+/// that was near and is far now is sampled from a smaller one.
+int host_level_for(int level, const Eigen::Matrix2f& warp, const Keyframe& host) {
+  const float zoom = std::sqrt(std::abs(warp.determinant()));
+  const int smaller = (zoom > 1.5f ? 1 : 0) + (zoom > 3.0f ? 1 : 0);
+  return std::min(level + smaller, host.left->levels() - 1);
+}
+
+bool sample_host(const Landmark& landmark, const Keyframe& host, int level, int host_level,
+                 const Eigen::Matrix2f& warp, PatchTemplate& patch) {
+  const float host_scale = 1.0f / static_cast<float>(1 << host_level);
+  const Eigen::Matrix2f level_warp = warp * (host_scale * static_cast<float>(1 << level));
+  return make_template(host.left->level(host_level), landmark.host_px * host_scale, level_warp,
+                       patch);
+}
+
+/// The landmark's patch as seen in full size, sampled anew only when the view changed.
+const PatchTemplate* patch_in_view(Landmark& landmark, const Keyframe& host,
+                                   const Eigen::Matrix2f& warp) {
+  const int host_level = host_level_for(0, warp, host);
+  const auto& seen = landmark.seen_patch;
+  if (seen && seen->host_level == host_level &&
+      (seen->host_from_current - warp).cwiseAbs().maxCoeff() < same_warp) {
+    return &seen->pixels;
+  }
+  if (!landmark.seen_patch) landmark.seen_patch = std::make_shared<SeenPatch>();
+  landmark.seen_patch->host_from_current = warp;
+  landmark.seen_patch->host_level = host_level;
+  if (sample_host(landmark, host, 0, host_level, warp, landmark.seen_patch->pixels)) {
+    return &landmark.seen_patch->pixels;
+  }
+  landmark.seen_patch.reset();
+  return nullptr;
+}
+
 /// Aligns the patch from the coarse level down to 0; false when it is not found.
-bool find_in_left(const Landmark& landmark, const Keyframe& host, const Pyramid& left,
+bool find_in_left(Landmark& landmark, const Keyframe& host, const Pyramid& left,
                   const Eigen::Matrix2f& warp, const Eigen::Vector2f& predicted, int coarse_level,
                   const OdometryConfig& config, Match& match) {
-  PatchTemplate patch;
   PatchAlignmentOptions options;
   Eigen::Vector2f pixel = predicted;
-  const float zoom = std::sqrt(std::abs(warp.determinant()));
-  for (int level = coarse_level; level >= 0; --level) {
-    const float scale = 1.0f / static_cast<float>(1 << level);
-    // A surface that was near and is far now is sampled from a smaller picture of the host.
-    const int host_level =
-        std::min(level + (zoom > 1.5f ? 1 : 0) + (zoom > 3.0f ? 1 : 0), host.left->levels() - 1);
-    const float host_scale = 1.0f / static_cast<float>(1 << host_level);
-    const Eigen::Matrix2f level_warp = warp * (host_scale / scale);
-    if (!make_template(host.left->level(host_level), landmark.host_px * host_scale, level_warp,
-                       patch)) {
+  for (int level = coarse_level; level > 0; --level) {
+    PatchTemplate patch;
+    if (!sample_host(landmark, host, level, host_level_for(level, warp, host), warp, patch)) {
       return false;
     }
-    options.max_shift_px = level == 0 ? 3.0f : 8.0f;
+    const float scale = 1.0f / static_cast<float>(1 << level);
     const PatchAlignment found = align_patch(left.level(level), patch, pixel * scale, options);
     if (!found.converged) return false;
     pixel = found.pixel / scale;
-    if (level > 0) continue;
-    if (found.correlation < config.min_correlation) return false;
-    match.left_sigma_px = match_sigma(shift_sigma_px(patch, found.noise_grey), config);
-    match.correlation = found.correlation;
   }
-  match.left_px = pixel;
+  const PatchTemplate* patch = patch_in_view(landmark, host, warp);
+  if (!patch) return false;
+  options.max_shift_px = 3;
+  const PatchAlignment found = align_patch(left.level(0), *patch, pixel, options);
+  if (!found.converged || found.correlation < config.min_correlation) return false;
+  match.left_sigma_px = match_sigma(shift_sigma_px(*patch, found.noise_grey), config);
+  match.correlation = found.correlation;
+  match.left_px = found.pixel;
   return true;
 }
 
@@ -79,21 +111,26 @@ float match_right(const PyramidPair& pair, const Eigen::Vector2f& left_px, float
       align_patch_in_row(pair.right->level(0), patch, {right_x_px, left_px.y()}, options);
   if (!found.converged || found.correlation < config.min_correlation) return nan;
   sigma_px = match_sigma(row_shift_sigma_px(patch, found.noise_grey), config);
-  options.max_iterations = 1;
-  y_parallax_px =
-      align_patch(pair.right->level(0), patch, found.pixel, options).pixel.y() - left_px.y();
+  y_parallax_px = found.below_px;
   return found.pixel.x();
 }
 
-std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
-                                 const RectifiedStereo& stereo,
-                                 const Transform& predicted_world_from_left,
-                                 const PatchSearch& search, const OdometryConfig& config) {
+std::vector<int> followed_landmarks(const Window& window) {
+  std::vector<int> followed;
+  for (std::size_t i = 0; i < window.landmarks().size(); ++i) {
+    if (window.landmarks()[i].misses < max_misses) followed.push_back(static_cast<int>(i));
+  }
+  return followed;
+}
+
+std::vector<Match> track_patches(Window& window, const std::vector<int>& landmarks,
+                                 const PyramidPair& pair, const RectifiedStereo& stereo,
+                                 const Transform& predicted_world_from_left, int coarse_level,
+                                 const OdometryConfig& config) {
   std::vector<Match> matches;
   const Transform left_from_world = predicted_world_from_left.inverse();
-  for (std::size_t i = 0; i < window.landmarks().size(); i += search.every) {
-    const Landmark& landmark = window.landmarks()[i];
-    if (landmark.misses >= max_misses) continue;
+  for (const int i : landmarks) {
+    Landmark& landmark = window.landmarks()[i];
     const Keyframe& host = window.keyframe(landmark.host);
     const Eigen::Vector3d point = left_from_world * landmark.point_in_world;
     const double host_depth = (host.world_from_left.inverse() * landmark.point_in_world).z();
@@ -102,9 +139,8 @@ std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
     const Eigen::Matrix2f warp = host_from_current_warp(
         stereo, landmark, left_from_world * host.world_from_left, host_depth);
     Match match;
-    match.landmark = static_cast<int>(i);
-    if (!find_in_left(landmark, host, *pair.left, warp, predicted, search.coarse_level, config,
-                      match)) {
+    match.landmark = i;
+    if (!find_in_left(landmark, host, *pair.left, warp, predicted, coarse_level, config, match)) {
       continue;
     }
     const float predicted_disparity = static_cast<float>(

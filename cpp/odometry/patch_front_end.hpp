@@ -7,19 +7,18 @@
 
 namespace pilotage {
 
-/// Which landmarks to look for, and how far from where they are expected.
-struct PatchSearch {
-  int every = 1;         ///< only each so-manieth landmark: a probe of the prediction
-  int coarse_level = 1;  ///< 1: start on the half-size picture; 0: the prediction is good to 2 px
-};
+/// Indices of the landmarks that are still followed.
+std::vector<int> followed_landmarks(const Window& window);
 
-/// Finds the landmarks of the window in the current pair by aligning the patch that the host
-/// keyframe saw, warped to the predicted view; the right picture is then searched along the row
-/// with the patch just found in the left one.
-std::vector<Match> track_patches(const Window& window, const PyramidPair& pair,
-                                 const RectifiedStereo& stereo,
-                                 const Transform& predicted_world_from_left,
-                                 const PatchSearch& search, const OdometryConfig& config);
+/// Finds `landmarks` (indices) of the window in the current pair by aligning the patch that the
+/// host keyframe saw, warped to the predicted view; the right picture is then searched along the
+/// row with the patch just found in the left one. `coarse_level` 1 starts on the half-size picture,
+/// 0 trusts the prediction to 2 px. Keeps the warped patches in the landmarks, for pairs that look
+/// the same.
+std::vector<Match> track_patches(Window& window, const std::vector<int>& landmarks,
+                                 const PyramidPair& pair, const RectifiedStereo& stereo,
+                                 const Transform& predicted_world_from_left, int coarse_level,
+                                 const OdometryConfig& config);
 
 /// Where `left_px` of the left picture is in the right one, starting from `right_x_px`; NaN if
 /// nowhere. Also measures the row difference.

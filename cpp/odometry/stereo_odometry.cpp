@@ -146,26 +146,25 @@ Transform StereoOdometry::predict(const PyramidPair& pair, std::int64_t timestam
 }
 
 StereoOdometry::Tracked StereoOdometry::follow(const PyramidPair& pair,
-                                               const Transform& predicted) const {
+                                               const Transform& predicted) {
   Tracked tracked;
   if (paper_) {
     tracked.matches = paper_->find(window_, pair, stereo_, predicted);
     tracked.step = solve_pose(window_, tracked.matches, stereo_, predicted, config_);
     return tracked;
   }
-  const int count = static_cast<int>(window_.landmarks().size());
-  const PatchSearch probe{std::max(1, count / probes), 1};
-  Transform world_from_left = predicted;
-  const std::vector<Match> probed =
-      track_patches(window_, pair, stereo_, predicted, probe, config_);
-  const int sought = (count + probe.every - 1) / probe.every;
+  const std::vector<int> landmarks = followed_landmarks(window_);
+  std::vector<int> probed;
+  const std::size_t every = std::max<std::size_t>(1, landmarks.size() / probes);
+  for (std::size_t i = 0; i < landmarks.size(); i += every) probed.push_back(landmarks[i]);
+  const std::vector<Match> found =
+      track_patches(window_, probed, pair, stereo_, predicted, 1, config_);
   // Half of the probes found: the prediction was good, and is better after them.
-  const bool is_good = 2 * static_cast<int>(probed.size()) >= sought;
-  if (is_good) {
-    world_from_left = refine_prediction(window_, probed, stereo_, predicted, config_);
-  }
-  const PatchSearch search{1, is_good ? 0 : 1};
-  tracked.matches = track_patches(window_, pair, stereo_, world_from_left, search, config_);
+  const bool is_good = 2 * found.size() >= probed.size();
+  const Transform world_from_left =
+      is_good ? refine_prediction(window_, found, stereo_, predicted, config_) : predicted;
+  tracked.matches =
+      track_patches(window_, landmarks, pair, stereo_, world_from_left, is_good ? 0 : 1, config_);
   tracked.step = solve_pose(window_, tracked.matches, stereo_, world_from_left, config_);
   return tracked;
 }

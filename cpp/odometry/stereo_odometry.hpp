@@ -63,7 +63,7 @@ class StereoOdometry {
   PyramidPair prepare(const ImageView& left, const ImageView& right);
   OdometryResult start(const PyramidPair& pair, std::int64_t timestamp_ns);
   Transform predict(const PyramidPair& pair, std::int64_t timestamp_ns) const;
-  Tracked follow(const PyramidPair& pair, const Transform& predicted) const;
+  Tracked follow(const PyramidPair& pair, const Transform& predicted);
   Tracked recover(const PyramidPair& pair);
   void note_matches(const Tracked& tracked);
   bool needs_keyframe(const Tracked& tracked) const;
@@ -101,6 +101,7 @@ class StereoOdometry {
   std::int64_t previous_timestamp_ns_ = 0;
   int lost_pairs_ = 0;
   int pairs_since_keyframe_ = 0;
+  int points_at_keyframe_ = 0;  ///< found again or new in the last keyframe
   int segment_ = 0;
   Transform segment_start_;
   Matrix6d segment_covariance_ = Matrix6d::Zero();  ///< of the gaps so far

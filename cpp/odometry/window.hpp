@@ -7,6 +7,7 @@
 #include "estimation/bundle_adjustment.hpp"
 #include "odometry/block.hpp"
 #include "odometry/config.hpp"
+#include "tracking/patch_alignment.hpp"
 #include "tracking/pyramid.hpp"
 
 namespace pilotage {
@@ -20,6 +21,13 @@ struct Sighting {
   float right_sigma_px = 1;
 };
 
+/// How a landmark's host patch looks from about where the camera is.
+struct SeenPatch {
+  Eigen::Matrix2f host_from_current;  ///< the warp it was sampled with
+  int host_level = 0;
+  PatchTemplate pixels;
+};
+
 /// A point of the scene that is being followed. Its patch is what its host keyframe saw.
 struct Landmark {
   std::int64_t id = 0;
@@ -31,6 +39,7 @@ struct Landmark {
   Eigen::Vector2f previous_px = Eigen::Vector2f::Zero();
   int misses = 0;  ///< pairs in a row in which it was not found
   std::vector<Sighting> sightings;
+  std::shared_ptr<SeenPatch> seen_patch;  ///< as last sampled; none yet
 };
 
 struct Keyframe {

@@ -40,6 +40,21 @@ PILOTAGE_KERNEL void sample_affine(const std::uint8_t* data, std::ptrdiff_t stri
   }
 }
 
+/// The same for a grid that is only moved: no place needs to be computed.
+PILOTAGE_KERNEL void sample_moved(const std::uint8_t* corner, std::ptrdiff_t stride, float fx,
+                                  float fy, float* samples) {
+  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
+  for (int j = 0; j < padded_height; ++j) {
+    const std::uint8_t* p = corner + j * stride;
+    const std::uint8_t* q = p + stride;
+    for (int i = 0; i < padded_width; ++i) {
+      samples[j * padded_width + i] =
+          w00 * static_cast<float>(p[i]) + w01 * static_cast<float>(p[i + 1]) +
+          w10 * static_cast<float>(q[i]) + w11 * static_cast<float>(q[i + 1]);
+    }
+  }
+}
+
 /// Sums over a patch of products, lane by lane, so that the order of additions never changes.
 PILOTAGE_INLINE float lane_sum(const float* acc) {
   float sum = 0;
@@ -193,6 +208,7 @@ PatchAlignment align(const ImageView& image, const PatchTemplate& patch,
       // So near that the sums just taken hold there too.
       judge(patch, sums, result);
       result.converged = true;
+      if constexpr (in_row) result.below_px = -patch.hxx * sums.gy / (determinant * gain);
       return result;
     }
   }
@@ -213,7 +229,13 @@ bool make_template(const ImageView& image, const Eigen::Vector2f& centre,
     return false;
   }
   alignas(64) float samples[padded_width * padded_height];
-  sample_affine(image.data, image.stride, corner.x(), corner.y(), host_from_current, samples);
+  if (host_from_current == Eigen::Matrix2f::Identity()) {
+    const int ix = static_cast<int>(corner.x()), iy = static_cast<int>(corner.y());
+    sample_moved(image.row(iy) + ix, image.stride, corner.x() - static_cast<float>(ix),
+                 corner.y() - static_cast<float>(iy), samples);
+  } else {
+    sample_affine(image.data, image.stride, corner.x(), corner.y(), host_from_current, samples);
+  }
   finish_template(samples, patch);
   return patch.hxx > 1.0f && patch.hxx * patch.hyy - patch.hxy * patch.hxy > 1.0f;
 }

@@ -33,11 +33,14 @@ struct PatchAlignment {
   float noise_grey =
       0;  ///< rms of what gain, offset and shift leave unexplained, in template greys
   bool converged = false;
+  /// In a row: how far below `pixel` it would fit best, from the gradients there.
+  float below_px = 0;
 };
 
 struct PatchAlignmentOptions {
   int max_iterations = 10;
-  float converged_px = 0.01f;
+  /// A step so short ends it; what is left then is about a fifth of it.
+  float converged_px = 0.03f;
   float max_shift_px = 8;  ///< from the start; further is another thing
 };
 
