@@ -27,7 +27,7 @@ constexpr double inlier_limit = 3.0;
 /// Of the matches; with less weight than this the pose is not near its optimum.
 constexpr double min_weight_share = 0.2;
 /// A step that moves the pose by less than this part of its standard error (squared) ends it.
-constexpr double converged_step2 = 1e-6;
+constexpr double converged_step2 = 1e-4;
 
 double length_scale(int dimension) { return dimension == 3 ? length_scale_3 : length_scale_2; }
 

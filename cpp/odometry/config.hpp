@@ -25,7 +25,6 @@ struct OdometryConfig {
   EpipolarResidual y_parallax = EpipolarResidual::sampson;
   RobustLoss loss = RobustLoss::huber;
   double measurement_sigma_px = 0.1;
-  bool smooth_images = false;
   double min_correlation = 0.86;
   double max_depth_m = 1000;
   int min_inliers = 20;
@@ -54,7 +53,6 @@ struct OdometryConfig {
             "robust weights: none, danish, huber, cauchy, tukey, geman_mcclure");
     visitor("measurement_sigma_px", config.measurement_sigma_px, 0.01, 5.0,
             "standard error of a matched coordinate");
-    visitor("smooth_images", config.smooth_images, "smooth pictures before patches are compared");
     visitor("min_correlation", config.min_correlation, 0.0, 1.0,
             "patches that fit worse are no match");
     visitor("max_depth_m", config.max_depth_m, 1.0, 1e6, "points further away are put there");

@@ -29,8 +29,8 @@ class Wall {
   PyramidPair render(const RectifiedStereo& stereo, const Eigen::Vector3d& place_m) const {
     const Eigen::Vector3d right_m = place_m + Eigen::Vector3d(stereo.baseline_m, 0, 0);
     PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>()};
-    pair.left->build(render_one(stereo, place_m).view(), 2, false);
-    pair.right->build(render_one(stereo, right_m).view(), 2, false);
+    pair.left->build(render_one(stereo, place_m).view(), 2);
+    pair.right->build(render_one(stereo, right_m).view(), 2);
     return pair;
   }
 
@@ -156,8 +156,8 @@ BOOST_AUTO_TEST_CASE(finds_nothing_in_an_empty_picture) {
   Image grey(scene.stereo.width_px, scene.stereo.height_px);
   std::fill_n(grey.row(0), grey.stride() * grey.height(), std::uint8_t{90});
   PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>()};
-  pair.left->build(grey.view(), 2, false);
-  pair.right->build(grey.view(), 2, false);
+  pair.left->build(grey.view(), 2);
+  pair.right->build(grey.view(), 2);
   BOOST_TEST(scene.front_end.find(scene.window, pair, scene.stereo, {}).empty());
 }
 

@@ -98,17 +98,28 @@ void StereoOdometry::check_pair(const ImageView& left, const ImageView& right,
   }
 }
 
-PyramidPair StereoOdometry::prepare(const ImageView& left, const ImageView& right) {
-  PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>()};
-  ImageView ideal_left = left, ideal_right = right;
-  if (!rectifier_.is_identity()) {
-    rectifier_.rectify(left, Side::left, rectified_left_);
-    rectifier_.rectify(right, Side::right, rectified_right_);
-    ideal_left = rectified_left_.view();
-    ideal_right = rectified_right_.view();
+/// Memory that no keyframe holds any more is used again.
+std::shared_ptr<Pyramid> StereoOdometry::spare_pyramid() {
+  for (const std::shared_ptr<Pyramid>& pyramid : pyramids_) {
+    if (pyramid.use_count() == 1) return pyramid;
   }
-  pair.left->build(ideal_left, left_levels, config_.smooth_images);
-  pair.right->build(ideal_right, right_levels, config_.smooth_images);
+  return pyramids_.emplace_back(std::make_shared<Pyramid>());
+}
+
+PyramidPair StereoOdometry::prepare(const ImageView& left, const ImageView& right) {
+  const auto build = [&](const ImageView& picture, Side side, int levels) {
+    std::shared_ptr<Pyramid> pyramid = spare_pyramid();
+    if (rectifier_.is_identity()) {
+      pyramid->build(picture, levels);
+    } else {
+      rectifier_.rectify(picture, side, pyramid->base());
+      pyramid->halve_base(levels);
+    }
+    return pyramid;
+  };
+  PyramidPair pair;
+  pair.left = build(left, Side::left, left_levels);
+  pair.right = build(right, Side::right, right_levels);
   return pair;
 }
 

@@ -60,6 +60,7 @@ class StereoOdometry {
   };
 
   void check_pair(const ImageView& left, const ImageView& right, std::int64_t timestamp_ns) const;
+  std::shared_ptr<Pyramid> spare_pyramid();
   PyramidPair prepare(const ImageView& left, const ImageView& right);
   OdometryResult start(const PyramidPair& pair, std::int64_t timestamp_ns);
   Transform predict(const PyramidPair& pair, std::int64_t timestamp_ns) const;
@@ -92,7 +93,7 @@ class StereoOdometry {
   Recovery recovery_;
   CalibrationMonitor monitor_;
 
-  Image rectified_left_, rectified_right_;
+  std::vector<std::shared_ptr<Pyramid>> pyramids_;  ///< all that were ever needed at once
   PyramidPair previous_;
   std::vector<DepthPoint> previous_points_;
   Transform previous_world_from_left_;

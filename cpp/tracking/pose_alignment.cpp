@@ -176,11 +176,14 @@ PoseAlignment align_pose(const Pyramid& previous, const Pyramid& current,
                          const Transform& current_from_previous,
                          const PoseAlignmentOptions& options) {
   PoseAlignment result{current_from_previous};
+  const std::size_t every = std::max<std::size_t>(1, points.size() / options.points);
+  std::vector<DepthPoint> chosen;
+  for (std::size_t i = 0; i < points.size(); i += every) chosen.push_back(points[i]);
   const int coarsest = std::min(options.coarsest_level, current.levels() - 1);
   for (int level = coarsest; level >= options.finest_level; --level) {
     const float scale = 1.0f / static_cast<float>(1 << level);
     const auto patches =
-        reference_patches(previous.level(level), scale, stereo.focal_px * scale, points);
+        reference_patches(previous.level(level), scale, stereo.focal_px * scale, chosen);
     const LevelResult aligned = align_level(patches, current.level(level), stereo, scale,
                                             result.current_from_previous, options);
     if (aligned.best_residual < 0) continue;

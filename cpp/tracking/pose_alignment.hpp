@@ -17,6 +17,7 @@ struct DepthPoint {
 struct PoseAlignmentOptions {
   int coarsest_level = 3;
   int finest_level = 2;
+  int points = 150;  ///< about so many of those given are used: six unknowns need no more
   int max_iterations = 10;
   float huber_grey = 10;
 };

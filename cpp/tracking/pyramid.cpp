@@ -43,20 +43,6 @@ PILOTAGE_KERNEL void halve_row(const std::uint8_t* above, const std::uint8_t* mi
   }
 }
 
-PILOTAGE_KERNEL void smooth_row(const std::uint8_t* above, const std::uint8_t* middle,
-                                const std::uint8_t* below, int width, std::uint16_t* padded_sums,
-                                std::uint8_t* smoothed) {
-  std::uint16_t* sums = padded_sums + 1;
-  column_sums(above, middle, below, width, sums);
-  sums[-1] = sums[std::min(1, width - 1)];
-  sums[width] = sums[std::max(0, width - 2)];
-  for (int x = 0; x < width; ++x) {
-    const std::uint16_t sum = static_cast<std::uint16_t>(padded_sums[x] + 2 * padded_sums[x + 1] +
-                                                         padded_sums[x + 2] + 8);
-    smoothed[x] = static_cast<std::uint8_t>(sum >> 4);
-  }
-}
-
 }  // namespace
 
 void halve(const ImageView& image, Image& half) {
@@ -69,25 +55,21 @@ void halve(const ImageView& image, Image& half) {
   }
 }
 
-void smooth(const ImageView& image, Image& smoothed) {
-  smoothed.resize(image.width, image.height);
-  std::vector<std::uint16_t> sums(image.width + 4);
+void Pyramid::build(const ImageView& image, int levels) {
+  base().resize(image.width, image.height);
   for (int y = 0; y < image.height; ++y) {
-    const Rows rows = rows_around(image, y);
-    smooth_row(rows.above, rows.middle, rows.below, image.width, sums.data(), smoothed.row(y));
+    std::memcpy(base().row(y), image.row(y), image.width);
   }
+  halve_base(levels);
 }
 
-void Pyramid::build(const ImageView& image, int levels, bool smooth_base) {
+Image& Pyramid::base() {
+  if (images_.empty()) images_.resize(1);
+  return images_[0];
+}
+
+void Pyramid::halve_base(int levels) {
   images_.resize(levels);
-  if (smooth_base) {
-    smooth(image, images_[0]);
-  } else {
-    images_[0].resize(image.width, image.height);
-    for (int y = 0; y < image.height; ++y) {
-      std::memcpy(images_[0].row(y), image.row(y), image.width);
-    }
-  }
   for (int l = 1; l < levels; ++l) halve(images_[l - 1].view(), images_[l]);
 }
 

@@ -11,9 +11,11 @@ namespace pilotage {
 /// 0: the filter is centred on the even pixels, so no half-pixel shift creeps in.
 class Pyramid {
  public:
-  /// Copies `image` into level 0, lightly smoothed when asked: bilinear interpolation then errs
-  /// less.
-  void build(const ImageView& image, int levels, bool smooth_base);
+  /// Copies `image` into level 0 and halves it until there are `levels`.
+  void build(const ImageView& image, int levels);
+  /// Level 0, to be filled; then `halve_base` makes the others of it.
+  Image& base();
+  void halve_base(int levels);
 
   int levels() const { return static_cast<int>(images_.size()); }
   ImageView level(int l) const { return images_[l].view(); }
@@ -25,7 +27,5 @@ class Pyramid {
 
 /// Halves a picture with the kernel [1 2 1] x [1 2 1] / 16.
 void halve(const ImageView& image, Image& half);
-/// Smooths a picture with the kernel [1 2 1] x [1 2 1] / 16.
-void smooth(const ImageView& image, Image& smoothed);
 
 }  // namespace pilotage
