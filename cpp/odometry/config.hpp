@@ -20,7 +20,7 @@ struct OdometryConfig {
   int points = 500;
   int window_keyframes = 10;
   int adjust_every = 5;
-  double keyframe_parallax_px = 20;
+  double keyframe_parallax_px = 30;
   double keyframe_overlap = 0.6;
   EpipolarResidual y_parallax = EpipolarResidual::sampson;
   RobustLoss loss = RobustLoss::huber;
