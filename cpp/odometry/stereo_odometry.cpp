@@ -172,12 +172,19 @@ StereoOdometry::Tracked StereoOdometry::follow(const PyramidPair& pair,
       track_patches(window_, probed, pair, stereo_, predicted, 1, config_);
   // Half of the probes found: the prediction was good, and is better after them.
   const bool is_good = 2 * found.size() >= probed.size();
-  const Transform world_from_left =
-      is_good ? refine_prediction(window_, found, stereo_, predicted, config_) : predicted;
-  tracked.matches =
-      track_patches(window_, landmarks, pair, stereo_, world_from_left, is_good ? 0 : 1, config_);
-  tracked.step = solve_pose(window_, tracked.matches, stereo_, world_from_left, config_);
-  return tracked;
+  const auto track = [&](const Transform& world_from_left, int coarse_level) {
+    Tracked seen;
+    seen.matches =
+        track_patches(window_, landmarks, pair, stereo_, world_from_left, coarse_level, config_);
+    seen.step = solve_pose(window_, seen.matches, stereo_, world_from_left, config_);
+    return seen;
+  };
+  if (is_good) return track(refine_prediction(window_, found, stereo_, predicted, config_), 0);
+  tracked = track(predicted, 1);
+  if (tracked.step.quality == PoseQuality::lost) return tracked;
+  // Seen from the right place, patches look right, and more of them are found.
+  Tracked again = track(tracked.step.world_from_left, 0);
+  return again.step.inliers > tracked.step.inliers ? again : tracked;
 }
 
 StereoOdometry::Tracked StereoOdometry::recover(const PyramidPair& pair) {
