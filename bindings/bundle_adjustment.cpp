@@ -112,6 +112,8 @@ void bind_result(nb::module_& m) {
       .def_ro("final_cost", &BundleResult::final_cost)
       .def_ro("residuals", &BundleResult::residuals)
       .def_ro("sigma0", &BundleResult::sigma0, "1 when the sigmas given were right.")
+      .def_ro("unit_variance", &BundleResult::unit_variance,
+              "What pose_covariances are to be multiplied by, from the residuals.")
       .def_prop_ro(
           "normalised_residuals",
           [](const BundleResult& r) {

@@ -60,6 +60,7 @@ void take_statistics(const BundleProblem& problem, RobustLoss loss, BundleResult
   result.final_cost = statistics.cost;
   result.residuals = statistics.residuals;
   result.sigma0 = statistics.sigma0;
+  result.unit_variance = statistics.unit_variance;
   result.normalised_residuals = std::move(statistics.normalised_residuals);
 }
 

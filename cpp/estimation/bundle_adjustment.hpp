@@ -67,8 +67,13 @@ struct BundleResult {
   /// predicted (behind the camera, or a pixel that is NaN): such an observation has no weight.
   std::vector<float> normalised_residuals;
   /// Covariance of each pose for the left perturbation (translation, rotation), when asked for;
-  /// zero for fixed poses, about 1e8 where nothing is known. Not scaled by sigma0.
+  /// zero for fixed poses, about 1e8 where nothing is known. Not scaled by `unit_variance`.
   std::vector<Matrix6d> pose_covariances;
+  /// What the covariances are to be multiplied by when the sigmas given are not believed: the
+  /// asymptotic variance of an M-estimator (Huber 1981, section 7.6) over that of the weighted
+  /// normal equations, from the residuals. Unlike sigma0 it knows of heavy tails. 1 when the sigmas
+  /// were right, a little more for the efficiency that the robust loss gives away.
+  double unit_variance = 1;
   double right_x_offset_sigma_px = 0;  ///< standard error, when it was free
 };
 

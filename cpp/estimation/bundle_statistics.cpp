@@ -69,6 +69,33 @@ double sigma_from(std::vector<float>& components, int unknowns) {
   return 1.4826 * median(components) * std::sqrt(redundancy);
 }
 
+/// Sums for the asymptotic covariance of an M-estimator, psi(r) = w(|r|) r for the residual vector
+/// r of an observation with d components: sandwich of E[psi psi^T] and E[d psi / d r].
+class UnitVariance {
+ public:
+  void add(RobustLoss loss, double length, int components) {
+    const double x = length / std::sqrt(components);
+    const double weight = robust_weight(loss, x, 100);
+    const double step = 0.01 * x;
+    const double slope =
+        x > 0
+            ? (robust_weight(loss, x + step, 100) - robust_weight(loss, x - step, 100)) / (2 * step)
+            : 0;
+    count_ += components;
+    weights_ += components * weight;
+    squared_ += weight * weight * length * length;
+    derivative_ += components * weight + slope * x;
+  }
+  /// Cov = E[psi^2] / E[psi']^2 (J^T J)^-1, while the normal equations hold E[w] J^T J.
+  double value(int unknowns) const {
+    if (count_ <= unknowns || !(derivative_ > 0)) return 1;
+    return squared_ / (count_ - unknowns) * count_ * weights_ / (derivative_ * derivative_);
+  }
+
+ private:
+  double count_ = 0, weights_ = 0, squared_ = 0, derivative_ = 0;
+};
+
 }  // namespace
 
 double robust_cost(RobustLoss loss, double normalised) {
@@ -84,6 +111,7 @@ BundleStatistics compute_statistics(const BundleProblem& problem, RobustLoss los
   const std::vector<CameraPose> poses(problem.world_from_left.begin(),
                                       problem.world_from_left.end());
   const StereoModel model(problem.stereo, problem.right_x_offset_px, false);
+  UnitVariance unit_variance;
   std::vector<float> components;
   components.reserve(3 * problem.observations.size());
   statistics.normalised_residuals.reserve(problem.observations.size());
@@ -94,12 +122,15 @@ BundleStatistics compute_statistics(const BundleProblem& problem, RobustLoss los
     statistics.normalised_residuals.push_back(static_cast<float>(length));
     const int n = r.components();
     statistics.cost += n * robust_cost(loss, length / std::sqrt(n));
+    if (r.predictable()) unit_variance.add(loss, length, n);
     for (int k = 0; k < n && r.predictable(); ++k) {
       components.push_back(static_cast<float>(std::abs(r.value[k])));
     }
   }
   statistics.residuals = static_cast<int>(components.size());
-  statistics.sigma0 = sigma_from(components, count_unknowns(problem));
+  const int unknowns = count_unknowns(problem);
+  statistics.sigma0 = sigma_from(components, unknowns);
+  statistics.unit_variance = unit_variance.value(unknowns);
   if (problem.prior) statistics.cost += PriorTerm(*problem.prior).cost(problem.world_from_left);
   return statistics;
 }

@@ -14,6 +14,7 @@ struct BundleStatistics {
   double cost = 0;    ///< robust, half sum of squares, prior included
   int residuals = 0;  ///< numbers that could be predicted
   double sigma0 = 1;
+  double unit_variance = 1;
   std::vector<float> normalised_residuals;
 };
 

@@ -29,6 +29,16 @@ constexpr double min_weight_share = 0.2;
 /// A step that moves the pose by less than this part of its standard error (squared) ends it.
 constexpr double converged_step2 = 1e-4;
 
+/// Of Gaussians kept only while shorter than the inlier limit, how much smaller their variance
+/// comes out: P(chi2_d < q) / P(chi2_(d+2) < q), q = (3 length_scale)^2, the consistency factor of
+/// trimmed estimators (Croux and Haesbroeck 1999).
+constexpr double trimmed_variance_2 = 1.0162719;
+constexpr double trimmed_variance_3 = 1.0121236;
+
+double trimmed_variance(int dimension) {
+  return dimension == 3 ? trimmed_variance_3 : trimmed_variance_2;
+}
+
 double length_scale(int dimension) { return dimension == 3 ? length_scale_3 : length_scale_2; }
 
 class Resection {
@@ -190,7 +200,7 @@ bool Resection::step(Transform& camera_from_world, double& damping, double& step
 }
 
 void Resection::classify(ResectionResult& result) {
-  double length2 = 0, squared_px = 0;
+  double length2 = 0, squared_px = 0, kept_variance = 0;
   int equations = 0;
   for (std::size_t i = 0; i < equations_.size(); ++i) {
     CollinearityEquation& e = equations_[i];
@@ -201,14 +211,19 @@ void Resection::classify(ResectionResult& result) {
     ++result.inlier_count;
     equations += e.dimension;
     length2 += e.length * e.length;
+    kept_variance += e.dimension / trimmed_variance(e.dimension);
     squared_px += e.squared_px;
   }
   const int redundancy = equations - (predicted_ ? 0 : 6);
-  if (redundancy > 0) {
-    sigma0_ = std::clamp(std::sqrt(length2 / redundancy), options_.min_sigma0, options_.max_sigma0);
-  }
   if (equations > 0) result.rms_px = std::sqrt(squared_px / equations);
-  for (CollinearityEquation& e : equations_) e.weight /= sigma0_ * sigma0_;
+  const double trimmed = equations > 0 ? equations / kept_variance : 1;
+  if (redundancy > 0) {
+    sigma0_ = std::clamp(std::sqrt(trimmed * length2 / redundancy), options_.min_sigma0,
+                         options_.max_sigma0);
+  }
+  // Of those kept, the ones at the limit come and go with the pose: by Stein's identity the
+  // estimate is worth as much less than their number as their variance is too small.
+  for (CollinearityEquation& e : equations_) e.weight /= sigma0_ * sigma0_ * trimmed;
 }
 
 void Resection::finish(const Transform& camera_from_world, ResectionResult& result) {

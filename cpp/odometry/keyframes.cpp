@@ -72,8 +72,7 @@ void StereoOdometry::make_keyframe(const PyramidPair& pair, const Tracked& track
 }
 
 void StereoOdometry::adjust_window() {
-  const BundleResult result = window_.adjust(block_);
-  sigma0_ = std::clamp(result.sigma0, 0.5, 3.0);
+  window_.adjust(block_);
   const int newest = window_.keyframes().back().serial;
   if (config_.right_x_offset_prior_px <= 0 || !window_.is_full() ||
       newest % config_.window_keyframes != 0) {

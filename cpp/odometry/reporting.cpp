@@ -4,6 +4,7 @@
 #include <cmath>
 #include <ctime>
 
+#include "odometry/correlated_errors.hpp"
 #include "odometry/stereo_odometry.hpp"
 
 namespace pilotage {
@@ -64,7 +65,7 @@ OdometryResult StereoOdometry::report(const Tracked& tracked, bool is_keyframe,
     result.reason = Reason::calibration_does_not_fit;
   }
   place(result, step.world_from_left,
-        sigma0_ * sigma0_ * keyframe.covariance + record.relative_covariance.cast<double>());
+        keyframe.covariance + record.relative_covariance.cast<double>());
   records_.push_back(record);
   return result;
 }
@@ -77,7 +78,6 @@ void StereoOdometry::adjust_block() {
   options.threads = config_.threads;
   options.max_iterations = block_iterations;
   options.relative_cost_change = 1e-6;
-  options.with_covariance = true;
   problem.right_x_offset_px = monitor_.right_x_offset_px();
   problem.right_x_offset_is_free = prior_px > 0;
   BundleResult result = adjust_bundle(problem, options);
@@ -95,9 +95,20 @@ void StereoOdometry::adjust_block() {
   if (result.termination != Termination::numerical_failure &&
       result.termination != Termination::no_observations) {
     block_.take(problem);
-    block_covariances_ = std::move(result.pose_covariances);
-    sigma0_ = std::clamp(result.sigma0, 0.5, 3.0);
+    take_block_covariances(problem, unit_variance(result));
   }
+}
+
+/// `problem` is as adjusted, and not needed after.
+void StereoOdometry::take_block_covariances(BundleProblem& problem, double unit_variance) {
+  allow_for_correlation(problem);
+  BundleOptions options;
+  options.loss = config_.loss;
+  options.threads = config_.threads;
+  options.max_iterations = 0;
+  options.with_covariance = true;
+  block_covariances_ = adjust_bundle(problem, options).pose_covariances;
+  for (Matrix6d& covariance : block_covariances_) covariance *= unit_variance;
 }
 
 std::vector<OdometryResult> StereoOdometry::finish() {
@@ -114,7 +125,7 @@ std::vector<OdometryResult> StereoOdometry::finish() {
       const Transform world_from_left = block_.poses()[record.keyframe] * record.keyframe_from_left;
       Matrix6d covariance = record.relative_covariance.cast<double>();
       if (record.keyframe < static_cast<int>(block_covariances_.size())) {
-        covariance += sigma0_ * sigma0_ * block_covariances_[record.keyframe];
+        covariance += block_covariances_[record.keyframe];
       }
       place(result, world_from_left, covariance);
     }

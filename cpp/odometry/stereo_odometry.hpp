@@ -81,6 +81,7 @@ class StereoOdometry {
   void place(OdometryResult& result, const Transform& world_from_left,
              const Matrix6d& covariance) const;
   void adjust_block();
+  void take_block_covariances(BundleProblem& problem, double unit_variance);
 
   OdometryConfig config_;
   Rectifier rectifier_;
@@ -107,7 +108,6 @@ class StereoOdometry {
   Transform segment_start_;
   Matrix6d segment_covariance_ = Matrix6d::Zero();  ///< of the gaps so far
   float usual_sharpness_ = 0;
-  double sigma0_ = 1;
   int next_keyframe_ = 0;
   std::vector<PairRecord> records_;
   std::vector<Matrix6d> block_covariances_;

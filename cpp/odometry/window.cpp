@@ -3,17 +3,19 @@
 
 #include <algorithm>
 
+#include "odometry/correlated_errors.hpp"
+
 namespace pilotage {
 
-BundleProblem Window::problem() const {
+BundleProblem Window::problem(const std::optional<PosePrior>& prior) const {
   BundleProblem problem;
   problem.stereo = stereo_;
   for (const Keyframe& keyframe : keyframes_) {
     problem.world_from_left.push_back(keyframe.world_from_left);
   }
   problem.pose_is_fixed.assign(keyframes_.size(), 0);
-  problem.prior = prior_;
-  if (!prior_) problem.pose_is_fixed[0] = 1;
+  problem.prior = prior;
+  if (!prior) problem.pose_is_fixed[0] = 1;
   const int first = keyframes_.front().serial;
   for (const Landmark& landmark : landmarks_) {
     const int point = static_cast<int>(problem.points_in_world.size());
@@ -27,11 +29,10 @@ BundleProblem Window::problem() const {
 }
 
 BundleResult Window::adjust(Block& block) {
-  BundleProblem adjusted = problem();
+  BundleProblem adjusted = problem(prior_);
   BundleOptions options;
   options.loss = config_.loss;
   options.threads = config_.threads;
-  options.with_covariance = true;
   options.max_iterations = 6;
   BundleResult result = adjust_bundle(adjusted, options);
   if (result.termination == Termination::numerical_failure ||
@@ -40,12 +41,14 @@ BundleResult Window::adjust(Block& block) {
   }
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     keyframes_[i].world_from_left = adjusted.world_from_left[i];
-    if (!result.pose_covariances.empty()) keyframes_[i].covariance = result.pose_covariances[i];
   }
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    landmarks_[i].point_in_world = adjusted.points_in_world[i];
+  }
+  take_covariances(std::move(adjusted), unit_variance(result));
   constexpr float gross = 6;
   std::size_t k = 0;
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-    landmarks_[i].point_in_world = adjusted.points_in_world[i];
     auto& sightings = landmarks_[i].sightings;
     std::size_t kept = 0;
     for (std::size_t s = 0; s < sightings.size(); ++s, ++k) {
@@ -60,6 +63,21 @@ BundleResult Window::adjust(Block& block) {
   }
   remove_landmarks(gone, block);
   return result;
+}
+
+void Window::take_covariances(BundleProblem adjusted, double unit_variance) {
+  allow_for_correlation(adjusted);
+  adjusted.prior = careful_prior_;
+  BundleOptions options;
+  options.loss = config_.loss;
+  options.threads = config_.threads;
+  options.max_iterations = 0;
+  options.with_covariance = true;
+  const BundleResult result = adjust_bundle(adjusted, options);
+  if (result.pose_covariances.empty()) return;
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    keyframes_[i].covariance = unit_variance * result.pose_covariances[i];
+  }
 }
 
 void Window::remove_landmarks(const std::vector<char>& gone, Block& block) {
@@ -80,11 +98,14 @@ void Window::slide(Block& block) {
     block.set_pose(keyframe.serial, keyframe.world_from_left);
   }
   while (static_cast<int>(keyframes_.size()) > config_.window_keyframes) {
-    BundleProblem whole = problem();
+    BundleProblem whole = problem(prior_), careful = problem(careful_prior_);
+    allow_for_correlation(careful);
     BundleOptions options;
     options.loss = config_.loss;
     marginalize_first_frame(whole, options);
+    marginalize_first_frame(careful, options);
     prior_ = whole.prior;
+    careful_prior_ = careful.prior;
     const int oldest = keyframes_.front().serial;
     std::vector<char> gone(landmarks_.size(), 0);
     for (std::size_t i = 0; i < landmarks_.size(); ++i) {
@@ -104,6 +125,7 @@ void Window::clear(Block& block) {
   remove_landmarks(std::vector<char>(landmarks_.size(), 1), block);
   keyframes_.clear();
   prior_.reset();
+  careful_prior_.reset();
 }
 
 }  // namespace pilotage

@@ -45,7 +45,7 @@ struct Landmark {
 struct Keyframe {
   int serial = 0;
   Transform world_from_left;
-  Matrix6d covariance = Matrix6d::Zero();  ///< left perturbation
+  Matrix6d covariance = Matrix6d::Zero();  ///< left perturbation, unit variance applied
   std::shared_ptr<const Pyramid> left;
 };
 
@@ -74,14 +74,18 @@ class Window {
   void clear(Block& block);
   /// The rig as it is believed to be now.
   void set_stereo(const RectifiedStereo& stereo) { stereo_ = stereo; }
-  BundleProblem problem() const;
+  BundleProblem problem() const { return problem(prior_); }
 
  private:
+  BundleProblem problem(const std::optional<PosePrior>& prior) const;
+  void take_covariances(BundleProblem adjusted, double unit_variance);
+
   OdometryConfig config_;
   RectifiedStereo stereo_;
   std::vector<Keyframe> keyframes_;
   std::vector<Landmark> landmarks_;
   std::optional<PosePrior> prior_;
+  std::optional<PosePrior> careful_prior_;  ///< for covariances: errors are correlated
 };
 
 }  // namespace pilotage
