@@ -34,6 +34,7 @@ BundleResult Window::adjust(Block& block) {
   options.loss = config_.loss;
   options.threads = config_.threads;
   options.max_iterations = 6;
+  options.relative_cost_change = 1e-3;
   BundleResult result = adjust_bundle(adjusted, options);
   if (result.termination == Termination::numerical_failure ||
       result.termination == Termination::no_observations) {
