@@ -18,6 +18,7 @@ constexpr double kNoiseFreeCost = 1e-20;
 constexpr double kRoundingRise = 1e-7;
 
 /// Danish weights change with the iteration until the fourth.
+constexpr int late_iteration = 100;
 int iterations_before_convergence(RobustLoss loss) { return loss == RobustLoss::danish ? 4 : 1; }
 
 /// Levenberg-Marquardt on reweighted least squares. A step is accepted when it lowers the cost with
@@ -93,6 +94,15 @@ BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options)
     if (options.with_covariance) result.pose_covariances = std::move(covariances);
   }
   return result;
+}
+
+std::vector<Matrix6d> pose_covariances(const BundleProblem& problem, const BundleOptions& options) {
+  BundleSystem system(problem, options);
+  const BundleState state{problem.world_from_left, problem.points_in_world,
+                          problem.right_x_offset_px};
+  system.build(state, 0.0, late_iteration);
+  double offset_variance = 0;
+  return system.pose_covariances(state, offset_variance);
 }
 
 }  // namespace pilotage

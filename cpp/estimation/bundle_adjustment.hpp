@@ -86,6 +86,9 @@ struct BundleResult {
 /// itself.
 BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options);
 
+/// BundleResult::pose_covariances of a problem whose poses and points are adjusted already.
+std::vector<Matrix6d> pose_covariances(const BundleProblem& problem, const BundleOptions& options);
+
 /// Removes frame 0 and every point it sees from the problem; what they said about the other poses
 /// becomes the new prior (replacing the old one, which is folded in), linearised where the poses
 /// are now, with robust weights of now. Call it on an adjusted problem. If frame 0 was fixed, the

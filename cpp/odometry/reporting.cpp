@@ -105,9 +105,7 @@ void StereoOdometry::take_block_covariances(BundleProblem& problem, double unit_
   BundleOptions options;
   options.loss = config_.loss;
   options.threads = config_.threads;
-  options.max_iterations = 0;
-  options.with_covariance = true;
-  block_covariances_ = adjust_bundle(problem, options).pose_covariances;
+  block_covariances_ = pose_covariances(problem, options);
   for (Matrix6d& covariance : block_covariances_) covariance *= unit_variance;
 }
 

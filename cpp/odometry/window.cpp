@@ -72,12 +72,9 @@ void Window::take_covariances(BundleProblem adjusted, double unit_variance) {
   BundleOptions options;
   options.loss = config_.loss;
   options.threads = config_.threads;
-  options.max_iterations = 0;
-  options.with_covariance = true;
-  const BundleResult result = adjust_bundle(adjusted, options);
-  if (result.pose_covariances.empty()) return;
+  const std::vector<Matrix6d> covariances = pose_covariances(adjusted, options);
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    keyframes_[i].covariance = unit_variance * result.pose_covariances[i];
+    keyframes_[i].covariance = unit_variance * covariances[i];
   }
 }
 
