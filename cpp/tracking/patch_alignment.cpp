@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "geometry/dispatch.hpp"
 
@@ -12,6 +13,8 @@ namespace {
 constexpr int width = patch_width_px;
 constexpr int height = patch_height_px;
 constexpr int lanes = width;
+typedef float Lanes __attribute__((vector_size(lanes * sizeof(float))));
+typedef std::uint8_t Bytes __attribute__((vector_size(lanes)));
 constexpr int padded_width = width + 2;
 constexpr int padded_height = height + 2;
 
@@ -40,42 +43,58 @@ PILOTAGE_KERNEL void sample_affine(const std::uint8_t* data, std::ptrdiff_t stri
   }
 }
 
-/// The same for a grid that is only moved: no place needs to be computed.
+PILOTAGE_INLINE Lanes load(const float* from) {
+  Lanes v;
+  std::memcpy(&v, from, sizeof v);
+  return v;
+}
+
+PILOTAGE_INLINE void store(float* to, const Lanes& v) { std::memcpy(to, &v, sizeof v); }
+
+PILOTAGE_INLINE Lanes load_pixels(const std::uint8_t* from) {
+  Bytes v;
+  std::memcpy(&v, from, sizeof v);
+  return __builtin_convertvector(v, Lanes);
+}
+
+/// Eight places of a row, `fx` between its pixels.
+PILOTAGE_INLINE Lanes blend_row(const std::uint8_t* p, float fx) {
+  const Lanes left = load_pixels(p);
+  return left + fx * (load_pixels(p + 1) - left);
+}
+
+/// The same for a grid that is only moved: no place needs to be computed. A row is ten wide: two
+/// times eight that overlap.
 PILOTAGE_KERNEL void sample_moved(const std::uint8_t* corner, std::ptrdiff_t stride, float fx,
                                   float fy, float* samples) {
-  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
+  constexpr int second = padded_width - lanes;
+  Lanes upper_a = blend_row(corner, fx), upper_b = blend_row(corner + second, fx);
   for (int j = 0; j < padded_height; ++j) {
-    const std::uint8_t* p = corner + j * stride;
-    const std::uint8_t* q = p + stride;
-    for (int i = 0; i < padded_width; ++i) {
-      samples[j * padded_width + i] =
-          w00 * static_cast<float>(p[i]) + w01 * static_cast<float>(p[i + 1]) +
-          w10 * static_cast<float>(q[i]) + w11 * static_cast<float>(q[i + 1]);
-    }
+    const std::uint8_t* next = corner + (j + 1) * stride;
+    const Lanes lower_a = blend_row(next, fx), lower_b = blend_row(next + second, fx);
+    store(samples + j * padded_width, upper_a + fy * (lower_a - upper_a));
+    store(samples + j * padded_width + second, upper_b + fy * (lower_b - upper_b));
+    upper_a = lower_a;
+    upper_b = lower_b;
   }
 }
 
-/// Sums over a patch of products, lane by lane, so that the order of additions never changes.
-PILOTAGE_INLINE float lane_sum(const float* acc) {
-  float sum = 0;
-  for (int k = 0; k < lanes; ++k) sum += acc[k];
-  return sum;
+/// Lane by lane, so that the order of additions never changes.
+PILOTAGE_INLINE float lane_sum(const Lanes& v) {
+  return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
 
 /// Copies the middle of the samples and takes central differences; returns the mean of the values.
 PILOTAGE_INLINE float differentiate(const float* samples, PatchTemplate& patch) {
-  float sum[lanes] = {};
+  Lanes sum{};
   for (int j = 0; j < height; ++j) {
     const float* row = samples + (j + 1) * padded_width + 1;
-    float* value = patch.value + j * width;
-    float* gx = patch.gradient_x + j * width;
-    float* gy = patch.gradient_y + j * width;
-    for (int i = 0; i < width; ++i) {
-      value[i] = row[i];
-      gx[i] = 0.5f * (row[i + 1] - row[i - 1]);
-      gy[i] = 0.5f * (row[i + padded_width] - row[i - padded_width]);
-      sum[i] += row[i];
-    }
+    const Lanes value = load(row);
+    store(patch.value + j * width, value);
+    store(patch.gradient_x + j * width, 0.5f * (load(row + 1) - load(row - 1)));
+    store(patch.gradient_y + j * width,
+          0.5f * (load(row + padded_width) - load(row - padded_width)));
+    sum += value;
   }
   return lane_sum(sum) / PatchTemplate::size;
 }
@@ -86,16 +105,16 @@ struct GainAndOffset {
 };
 
 PILOTAGE_INLINE GainAndOffset explain_gradients(PatchTemplate& patch, float mean) {
-  float sx[lanes] = {}, sy[lanes] = {}, vv[lanes] = {}, vx[lanes] = {}, vy[lanes] = {};
+  Lanes sx{}, sy{}, vv{}, vx{}, vy{};
   for (int k = 0; k < PatchTemplate::size; k += lanes) {
-    for (int i = 0; i < lanes; ++i) {
-      patch.value[k + i] -= mean;
-      sx[i] += patch.gradient_x[k + i];
-      sy[i] += patch.gradient_y[k + i];
-      vv[i] += patch.value[k + i] * patch.value[k + i];
-      vx[i] += patch.value[k + i] * patch.gradient_x[k + i];
-      vy[i] += patch.value[k + i] * patch.gradient_y[k + i];
-    }
+    const Lanes value = load(patch.value + k) - mean;
+    const Lanes x = load(patch.gradient_x + k), y = load(patch.gradient_y + k);
+    store(patch.value + k, value);
+    sx += x;
+    sy += y;
+    vv += value * value;
+    vx += value * x;
+    vy += value * y;
   }
   patch.value_norm2 = lane_sum(vv);
   const float scale = patch.value_norm2 > 0 ? 1.0f / patch.value_norm2 : 0.0f;
@@ -106,18 +125,16 @@ PILOTAGE_INLINE GainAndOffset explain_gradients(PatchTemplate& patch, float mean
 PILOTAGE_KERNEL void finish_template(const float* samples, PatchTemplate& patch) {
   const float mean = differentiate(samples, patch);
   const GainAndOffset explained = explain_gradients(patch, mean);
-  float xx[lanes] = {}, xy[lanes] = {}, yy[lanes] = {};
+  Lanes xx{}, xy{}, yy{};
   for (int k = 0; k < PatchTemplate::size; k += lanes) {
-    for (int i = 0; i < lanes; ++i) {
-      const float v = patch.value[k + i];
-      const float x = patch.gradient_x[k + i] - explained.offset_x - explained.gain_x * v;
-      const float y = patch.gradient_y[k + i] - explained.offset_y - explained.gain_y * v;
-      patch.gradient_x[k + i] = x;
-      patch.gradient_y[k + i] = y;
-      xx[i] += x * x;
-      xy[i] += x * y;
-      yy[i] += y * y;
-    }
+    const Lanes v = load(patch.value + k);
+    const Lanes x = load(patch.gradient_x + k) - explained.offset_x - explained.gain_x * v;
+    const Lanes y = load(patch.gradient_y + k) - explained.offset_y - explained.gain_y * v;
+    store(patch.gradient_x + k, x);
+    store(patch.gradient_y + k, y);
+    xx += x * x;
+    xy += x * y;
+    yy += y * y;
   }
   patch.hxx = lane_sum(xx);
   patch.hxy = lane_sum(xy);
@@ -131,21 +148,19 @@ struct PatchSums {
 /// Correlates the template with the picture at a sub-pixel place.
 PILOTAGE_KERNEL void correlate(const std::uint8_t* corner, std::ptrdiff_t stride, float fx,
                                float fy, const PatchTemplate& patch, PatchSums& sums) {
-  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
-  float gx[lanes] = {}, gy[lanes] = {}, value[lanes] = {}, sum[lanes] = {}, sum2[lanes] = {};
+  constexpr float middle_grey = 128;  // less of it keeps sums small
+  Lanes gx{}, gy{}, value{}, sum{}, sum2{};
+  Lanes upper = blend_row(corner, fx) - middle_grey;
   for (int j = 0; j < height; ++j) {
-    const std::uint8_t* p = corner + j * stride;
-    const std::uint8_t* q = p + stride;
+    const Lanes lower = blend_row(corner + (j + 1) * stride, fx) - middle_grey;
+    const Lanes v = upper + fy * (lower - upper);
     const int k = j * width;
-    for (int i = 0; i < lanes; ++i) {
-      const float v = w00 * static_cast<float>(p[i]) + w01 * static_cast<float>(p[i + 1]) +
-                      w10 * static_cast<float>(q[i]) + w11 * static_cast<float>(q[i + 1]) - 128.0f;
-      gx[i] += v * patch.gradient_x[k + i];
-      gy[i] += v * patch.gradient_y[k + i];
-      value[i] += v * patch.value[k + i];
-      sum[i] += v;
-      sum2[i] += v * v;
-    }
+    gx += v * load(patch.gradient_x + k);
+    gy += v * load(patch.gradient_y + k);
+    value += v * load(patch.value + k);
+    sum += v;
+    sum2 += v * v;
+    upper = lower;
   }
   sums = {lane_sum(gx), lane_sum(gy), lane_sum(value), lane_sum(sum), lane_sum(sum2)};
 }
