@@ -249,7 +249,6 @@ def test_bad_stretch_is_lost_with_its_reason(
         assert_honest(results, street.world_from_left)
 
 
-@known("a gap counts as long as it took to begin a segment, and in what was before")
 @pytest.mark.parametrize("dark_pairs", [8, 20])
 def test_long_dark_stretch_begins_a_segment(street: Drive, dark_pairs: int) -> None:
     dark = range(8, 8 + dark_pairs)
@@ -295,7 +294,6 @@ def test_clean_recordings_raise_no_alarm(street: Drive, lens: Drive) -> None:
         assert abs(check.y_parallax_px) < 0.1
 
 
-@known("what the last adjustment finds wrong is not said of poses before")
 @pytest.mark.parametrize("shift_px", [1.5, -1.5])
 def test_shifted_right_picture_is_found(street: Drive, shift_px: float) -> None:
     found = follow(street, [shift_right(p, shift_px) for p in street.pairs])
@@ -363,7 +361,6 @@ def test_wrong_calls_name_the_value(street: Drive) -> None:
         odometry.track(left, right, 7 * STEP_NS)
 
 
-@known("skip takes any time")
 def test_skipping_obeys_time_too(street: Drive) -> None:
     odometry = make_odometry(street.recording)
     assert odometry.skip(STEP_NS).reason == Reason.frames_missing

@@ -61,6 +61,11 @@ double CalibrationMonitor::right_x_offset_px() const {
                 config_.right_x_offset_prior_px);
 }
 
+double CalibrationMonitor::right_x_offset_sigma_px() const {
+  const double prior = config_.right_x_offset_prior_px;
+  return prior > 0 ? 1 / std::sqrt(1 / (prior * prior) + weight_) : 0;
+}
+
 CalibrationCheck CalibrationMonitor::check() const {
   CalibrationCheck check;
   if (weight_ > 0) {

@@ -27,6 +27,8 @@ class CalibrationMonitor {
 
   /// Best estimate under the prior of the configuration.
   double right_x_offset_px() const;
+  /// Its standard error; at first that of the prior.
+  double right_x_offset_sigma_px() const;
   CalibrationCheck check() const;
 
  private:

@@ -20,6 +20,9 @@ struct PoseStep {
   float right_to_left = 1;
 };
 
+/// The pictures of the pair seem not to have been taken together.
+inline bool are_out_of_step(const PoseStep& step) { return step.right_to_left > 5; }
+
 /// Rejects blunders by epipolar geometry, finds the pose by P3P RANSAC and adjusts it robustly.
 PoseStep solve_pose(const Window& window, const std::vector<Match>& matches,
                     const RectifiedStereo& stereo, const Transform& predicted_world_from_left,

@@ -11,6 +11,9 @@ namespace pilotage {
 namespace {
 
 constexpr int block_iterations = 30;
+/// Where nine tenths of all points have less disparity than this, the length of a motion is a guess.
+constexpr double min_disparity_px = 1.0;
+constexpr double nearest_part = 0.1;
 
 /// Covariance of (position, rotation) along the world's axes from that of a left perturbation.
 Matrix6d about_the_pose(const Matrix6d& left_perturbation, const Eigen::Vector3d& position) {
@@ -19,30 +22,57 @@ Matrix6d about_the_pose(const Matrix6d& left_perturbation, const Eigen::Vector3d
   return shift * left_perturbation * shift.transpose();
 }
 
+/// Disparity of the point whose depth this part of the points stays below; 0 of no points.
+double disparity_px(const std::vector<DepthPoint>& points, double part,
+                    const RectifiedStereo& stereo) {
+  std::vector<float> depths;
+  for (const DepthPoint& p : points) depths.push_back(static_cast<float>(p.point_in_previous.z()));
+  const double depth_m = quantile(std::move(depths), part);
+  return depth_m > 0 ? stereo.focal_px * stereo.baseline_m / depth_m : 0;
+}
+
 }  // namespace
 
-void StereoOdometry::place(OdometryResult& result, const Transform& world_from_left,
-                           const Matrix6d& covariance) const {
+void StereoOdometry::place(PairRecord& record, const Transform& world_from_left,
+                           const Matrix6d& covariance, PathCovariance& path) const {
   // The world is where the robot was at first, not the camera.
   const Transform pose = robot_from_rectified_ * world_from_left * robot_from_rectified_.inverse();
   const Matrix6d turn = adjoint(robot_from_rectified_);
-  result.covariance = about_the_pose(turn * covariance * turn.transpose(), pose.translation);
-  const Eigen::Vector3d way =
-      robot_from_rectified_.rotation * (world_from_left.translation - segment_start_.translation);
-  result.covariance.topLeftCorner<3, 3>() +=
-      config_.scale_sigma * config_.scale_sigma * way * way.transpose();
-  result.covariance += segment_covariance_;
-  result.world_from_robot = pose;
+  if (record.gap_sigma_m > 0) path.begin_segment(record.gap_sigma_m);
+  record.result.covariance =
+      path.extend(pose.translation,
+                  about_the_pose(turn * covariance * turn.transpose(), pose.translation),
+                  robot_from_rectified_.rotation * world_from_left.translation,
+                  record.scale_per_px * monitor_.right_x_offset_sigma_px());
+  record.result.world_from_robot = pose;
+}
+
+/// Why a pose deserves less trust, the gravest reason first; none when nothing speaks against it.
+Reason StereoOdometry::find_doubt(const PairRecord& record, const Tracked& tracked) const {
+  if (monitor_.check().verdict == CalibrationVerdict::inconsistent) {
+    return Reason::calibration_does_not_fit;
+  }
+  if (are_out_of_step(tracked.step)) return Reason::left_right_out_of_step;
+  if (record.gap_sigma_m > 0) return Reason::frames_missing;
+  if (disparity_px(previous_points_, nearest_part, stereo_) < min_disparity_px) {
+    return Reason::no_parallax;
+  }
+  if (tracked.step.quality != PoseQuality::tracking) return Reason::too_few_points;
+  return Reason::none;
 }
 
 OdometryResult StereoOdometry::report(const Tracked& tracked, bool is_keyframe,
-                                      std::int64_t timestamp_ns) {
-  PairRecord record;
+                                      std::int64_t timestamp_ns, float gap_sigma_m) {
+  PairRecord& record = records_.emplace_back();
   OdometryResult& result = record.result;
   const PoseStep& step = tracked.step;
   const Keyframe& keyframe = window_.keyframes().back();
   record.keyframe = keyframe.serial;
   record.keyframe_from_left = keyframe.world_from_left.inverse() * step.world_from_left;
+  record.gap_sigma_m = gap_sigma_m;
+  // Relative errors of depth and disparity are the same.
+  const double typical_px = disparity_px(previous_points_, 0.5, stereo_);
+  if (typical_px > 0) record.scale_per_px = static_cast<float>(1 / typical_px);
   if (!is_keyframe) record.relative_covariance = step.covariance.cast<float>();
   result.timestamp_ns = timestamp_ns;
   result.is_keyframe = is_keyframe;
@@ -51,22 +81,10 @@ OdometryResult StereoOdometry::report(const Tracked& tracked, bool is_keyframe,
   result.inliers = step.inliers;
   result.residual_px = step.rms_px;
   result.y_parallax_px = step.y_parallax_px;
-  result.status = step.quality == PoseQuality::tracking ? Status::tracking : Status::degraded;
-  if (result.status == Status::degraded) {
-    result.reason =
-        segment_ > 0 && step.rms_px == 0 ? Reason::frames_missing : Reason::too_few_points;
-  }
-  if (step.right_to_left > 5) {
-    result.status = Status::degraded;
-    result.reason = Reason::left_right_out_of_step;
-  }
-  if (monitor_.check().verdict == CalibrationVerdict::inconsistent) {
-    result.status = Status::degraded;
-    result.reason = Reason::calibration_does_not_fit;
-  }
-  place(result, step.world_from_left,
-        keyframe.covariance + record.relative_covariance.cast<double>());
-  records_.push_back(record);
+  result.reason = find_doubt(record, tracked);
+  result.status = result.reason == Reason::none ? Status::tracking : Status::degraded;
+  place(record, step.world_from_left,
+        keyframe.covariance + record.relative_covariance.cast<double>(), live_path_);
   return result;
 }
 
@@ -114,20 +132,24 @@ std::vector<OdometryResult> StereoOdometry::finish() {
   window_.clear(block_);
   is_finished_ = true;
   if (!block_.poses().empty()) adjust_block();
+  const bool fits = monitor_.check().verdict != CalibrationVerdict::inconsistent;
+  PathCovariance path(config_.scale_sigma);
   std::vector<OdometryResult> results;
   results.reserve(records_.size());
-  segment_start_ = Transform{};
-  for (const PairRecord& record : records_) {
-    OdometryResult result = record.result;
+  for (PairRecord record : records_) {
     if (record.keyframe >= 0) {
       const Transform world_from_left = block_.poses()[record.keyframe] * record.keyframe_from_left;
       Matrix6d covariance = record.relative_covariance.cast<double>();
       if (record.keyframe < static_cast<int>(block_covariances_.size())) {
         covariance += block_covariances_[record.keyframe];
       }
-      place(result, world_from_left, covariance);
+      place(record, world_from_left, covariance, path);
+      if (!fits) {
+        record.result.status = Status::degraded;
+        record.result.reason = Reason::calibration_does_not_fit;
+      }
     }
-    results.push_back(result);
+    results.push_back(record.result);
   }
   adjustment_cpu_ms_ = 1000.0 * static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   return results;

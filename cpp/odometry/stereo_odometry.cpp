@@ -40,7 +40,8 @@ StereoOdometry::StereoOdometry(const StereoRig& rig, const OdometryConfig& confi
       detector_(harris_options(stereo_, config.points)),
       window_(config, stereo_),
       recovery_(stereo_, config),
-      monitor_(config) {
+      monitor_(config),
+      live_path_(config.scale_sigma) {
   const Transform left_from_rectified{rectifier_.rectified_from_left().conjugate(),
                                       Eigen::Vector3d::Zero()};
   if (config.front_end == FrontEnd::paper) {
@@ -51,7 +52,9 @@ StereoOdometry::StereoOdometry(const StereoRig& rig, const OdometryConfig& confi
 
 OdometryResult StereoOdometry::track(const ImageView& left, const ImageView& right,
                                      std::int64_t timestamp_ns) {
-  check_pair(left, right, timestamp_ns);
+  check_time("track", timestamp_ns);
+  check_size(left, rectifier_.stereo(), "left");
+  check_size(right, rectifier_.stereo(), "right");
   // 1. Rectify; halve.
   const PyramidPair pair = prepare(left, right);
   if (window_.empty()) return start(pair, timestamp_ns);
@@ -72,25 +75,21 @@ OdometryResult StereoOdometry::track(const ImageView& left, const ImageView& rig
   } else {
     ++pairs_since_keyframe_;
   }
+  note_motion(tracked.step.world_from_left, timestamp_ns);
   remember(pair, tracked.step.world_from_left, timestamp_ns);
   // 8. Pose, covariance, status and reason.
   return report(tracked, is_keyframe, timestamp_ns);
 }
 
 OdometryResult StereoOdometry::skip(std::int64_t timestamp_ns) {
-  PairRecord record;
-  record.result.timestamp_ns = timestamp_ns;
-  record.result.reason = Reason::frames_missing;
-  record.result.segment = segment_;
-  records_.push_back(record);
-  return record.result;
+  check_time("skip", timestamp_ns);
+  return record_lost(timestamp_ns, Reason::frames_missing);
 }
 
-void StereoOdometry::check_pair(const ImageView& left, const ImageView& right,
-                                std::int64_t timestamp_ns) const {
-  if (is_finished_) throw std::invalid_argument("track after finish: make a new StereoOdometry");
-  check_size(left, rectifier_.stereo(), "left");
-  check_size(right, rectifier_.stereo(), "right");
+void StereoOdometry::check_time(const char* call, std::int64_t timestamp_ns) const {
+  if (is_finished_) {
+    throw std::invalid_argument(std::string(call) + " after finish: make a new StereoOdometry");
+  }
   if (!records_.empty() && timestamp_ns <= records_.back().result.timestamp_ns) {
     throw std::invalid_argument("timestamp_ns = " + std::to_string(timestamp_ns) +
                                 ": must rise, the last was " +
@@ -126,25 +125,30 @@ PyramidPair StereoOdometry::prepare(const ImageView& left, const ImageView& righ
 OdometryResult StereoOdometry::start(const PyramidPair& pair, std::int64_t timestamp_ns) {
   Tracked tracked;
   tracked.step.world_from_left = previous_world_from_left_;
-  segment_start_ = previous_world_from_left_;
   block_.start_segment(next_keyframe_);
   make_keyframe(pair, tracked);
-  const int points = static_cast<int>(window_.landmarks().size());
-  tracked.step.inliers = points;
-  if (points < config_.min_inliers) {
+  tracked.step.inliers = static_cast<int>(window_.landmarks().size());
+  if (tracked.step.inliers < config_.min_inliers) {
     const Reason reason = explain(pair, tracked);
     window_.clear(block_);
-    PairRecord record;
-    record.result.timestamp_ns = timestamp_ns;
-    record.result.reason = reason;
-    record.result.segment = segment_;
-    records_.push_back(record);
-    return record.result;
+    return record_lost(timestamp_ns, reason);
   }
-  tracked.step.quality = segment_ > 0 ? PoseQuality::degraded : PoseQuality::tracking;
-  remember(pair, tracked.step.world_from_left, timestamp_ns);
+  tracked.step.quality = PoseQuality::tracking;
+  // Nothing here was seen before: the path goes on where it ended, with as little trust as there is
+  // knowledge of the way between.
+  const float unseen_m = previous_.left ? gap_sigma_m(timestamp_ns) : 0;
+  if (unseen_m > 0) ++segment_;
   motion_s_ = 0;
-  return report(tracked, true, timestamp_ns);
+  remember(pair, tracked.step.world_from_left, timestamp_ns);
+  return report(tracked, true, timestamp_ns, unseen_m);
+}
+
+/// How far the rig may have gone since the last pose: as fast as before, or as small robots go.
+float StereoOdometry::gap_sigma_m(std::int64_t timestamp_ns) const {
+  const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
+  const double speed_m_s =
+      motion_s_ > 0 ? before_from_previous_.translation.norm() / motion_s_ : 0.0;
+  return static_cast<float>(std::max(1.0, speed_m_s) * gap_s);
 }
 
 Transform StereoOdometry::predict(const PyramidPair& pair, std::int64_t timestamp_ns) const {
@@ -218,10 +222,13 @@ void StereoOdometry::note_matches(const Tracked& tracked) {
   }
 }
 
-void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_from_left,
-                              std::int64_t timestamp_ns) {
+void StereoOdometry::note_motion(const Transform& world_from_left, std::int64_t timestamp_ns) {
   motion_s_ = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
   before_from_previous_ = previous_world_from_left_.inverse() * world_from_left;
+}
+
+void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_from_left,
+                              std::int64_t timestamp_ns) {
   previous_world_from_left_ = world_from_left;
   previous_timestamp_ns_ = timestamp_ns;
   previous_ = pair;
@@ -240,9 +247,7 @@ void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_fr
 }
 
 Reason StereoOdometry::explain(const PyramidPair& pair, const Tracked& tracked) const {
-  constexpr float out_of_step_ratio = 5;
-  if (tracked.step.inliers >= config_.min_inliers &&
-      tracked.step.right_to_left > out_of_step_ratio) {
+  if (tracked.step.inliers >= config_.min_inliers && are_out_of_step(tracked.step)) {
     return Reason::left_right_out_of_step;
   }
   // Pictures that match better the other way round were taken the other way round.
@@ -263,30 +268,21 @@ OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& trac
   ++lost_pairs_;
   const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
   if (gap_s > config_.restart_after_s) {
-    begin_segment(gap_s);
+    window_.clear(block_);
     return start(pair, timestamp_ns);
   }
-  PairRecord record;
-  record.result.timestamp_ns = timestamp_ns;
-  record.result.reason = explain(pair, tracked);
-  record.result.matches = static_cast<int>(tracked.matches.size());
-  record.result.inliers = tracked.step.inliers;
-  record.result.segment = segment_;
-  records_.push_back(record);
-  return record.result;
+  OdometryResult& result = record_lost(timestamp_ns, explain(pair, tracked));
+  result.matches = static_cast<int>(tracked.matches.size());
+  result.inliers = tracked.step.inliers;
+  return result;
 }
 
-/// Nothing here was seen before: the path goes on where it ended, with as little trust as there is
-/// knowledge of the way between.
-void StereoOdometry::begin_segment(double gap_s) {
-  const double speed_m_s =
-      motion_s_ > 0 ? before_from_previous_.translation.norm() / motion_s_ : 1.0;
-  const double position_sigma_m = std::max(1.0, speed_m_s) * gap_s;
-  constexpr double rotation_sigma_rad = 1.0;
-  segment_covariance_.diagonal().head<3>().array() += position_sigma_m * position_sigma_m;
-  segment_covariance_.diagonal().tail<3>().array() += rotation_sigma_rad * rotation_sigma_rad;
-  window_.clear(block_);
-  ++segment_;
+OdometryResult& StereoOdometry::record_lost(std::int64_t timestamp_ns, Reason reason) {
+  PairRecord& record = records_.emplace_back();
+  record.result.timestamp_ns = timestamp_ns;
+  record.result.reason = reason;
+  record.result.segment = segment_;
+  return record.result;
 }
 
 }  // namespace pilotage

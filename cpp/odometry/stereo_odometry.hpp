@@ -9,6 +9,7 @@
 #include "odometry/config.hpp"
 #include "odometry/matches.hpp"
 #include "odometry/paper_front_end.hpp"
+#include "odometry/path_covariance.hpp"
 #include "odometry/picture_check.hpp"
 #include "odometry/pose_step.hpp"
 #include "odometry/recovery.hpp"
@@ -33,7 +34,7 @@ class StereoOdometry {
   /// Takes the next pair; both pictures as calibrated, times rising. Throws std::invalid_argument
   /// for a picture of another size or a time that does not rise; the pair then counts as not given.
   OdometryResult track(const ImageView& left, const ImageView& right, std::int64_t timestamp_ns);
-  /// A pair that could not be read: time passes, nothing is known.
+  /// A pair that could not be read: time passes, nothing is known. Throws as `track` does.
   OdometryResult skip(std::int64_t timestamp_ns);
   /// Adjusts the whole block; returns a result for every pair given. Call it once, at the end.
   std::vector<OdometryResult> finish();
@@ -52,6 +53,8 @@ class StereoOdometry {
     OdometryResult result;
     int keyframe = -1;  ///< serial; -1: no pose
     Transform keyframe_from_left;
+    float gap_sigma_m = 0;      ///< above 0 where a segment begins: the way that was not seen
+    float scale_per_px = 0;     ///< relative error of lengths for a pixel of right x offset
     Eigen::Matrix<float, 6, 6> relative_covariance = Eigen::Matrix<float, 6, 6>::Zero();
   };
   struct Tracked {
@@ -59,7 +62,7 @@ class StereoOdometry {
     PoseStep step;
   };
 
-  void check_pair(const ImageView& left, const ImageView& right, std::int64_t timestamp_ns) const;
+  void check_time(const char* call, std::int64_t timestamp_ns) const;
   std::shared_ptr<Pyramid> spare_pyramid();
   PyramidPair prepare(const ImageView& left, const ImageView& right);
   OdometryResult start(const PyramidPair& pair, std::int64_t timestamp_ns);
@@ -72,14 +75,18 @@ class StereoOdometry {
   std::vector<Landmark> add_sightings(const Keyframe& keyframe, const Tracked& tracked,
                                       std::vector<Eigen::Vector2f>& occupied);
   void adjust_window();
+  void note_motion(const Transform& world_from_left, std::int64_t timestamp_ns);
   void remember(const PyramidPair& pair, const Transform& world_from_left,
                 std::int64_t timestamp_ns);
   OdometryResult lose(const PyramidPair& pair, const Tracked& tracked, std::int64_t timestamp_ns);
-  void begin_segment(double gap_s);
+  float gap_sigma_m(std::int64_t timestamp_ns) const;
+  OdometryResult& record_lost(std::int64_t timestamp_ns, Reason reason);
   Reason explain(const PyramidPair& pair, const Tracked& tracked) const;
-  OdometryResult report(const Tracked& tracked, bool is_keyframe, std::int64_t timestamp_ns);
-  void place(OdometryResult& result, const Transform& world_from_left,
-             const Matrix6d& covariance) const;
+  OdometryResult report(const Tracked& tracked, bool is_keyframe, std::int64_t timestamp_ns,
+                        float gap_sigma_m = 0);
+  Reason find_doubt(const PairRecord& record, const Tracked& tracked) const;
+  void place(PairRecord& record, const Transform& world_from_left, const Matrix6d& covariance,
+             PathCovariance& path) const;
   void adjust_block();
   void take_block_covariances(BundleProblem& problem, double unit_variance);
 
@@ -105,8 +112,7 @@ class StereoOdometry {
   int pairs_since_keyframe_ = 0;
   int points_at_keyframe_ = 0;  ///< found again or new in the last keyframe
   int segment_ = 0;
-  Transform segment_start_;
-  Matrix6d segment_covariance_ = Matrix6d::Zero();  ///< of the gaps so far
+  PathCovariance live_path_;
   float usual_sharpness_ = 0;
   int next_keyframe_ = 0;
   std::vector<PairRecord> records_;

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "odometry/path_covariance.hpp"
+
+namespace pilotage {
+namespace {
+
+/// Unseen, anything that turns may have turned.
+constexpr double gap_rotation_sigma_rad = 1.0;
+
+}  // namespace
+
+void PathCovariance::begin_segment(double moved_sigma_m) {
+  start_ = last_;
+  start_covariance_ = last_covariance_;
+  start_covariance_.diagonal().head<3>().array() += moved_sigma_m * moved_sigma_m;
+  start_covariance_.diagonal().tail<3>().array() += gap_rotation_sigma_rad * gap_rotation_sigma_rad;
+}
+
+Matrix6d PathCovariance::extend(const Eigen::Vector3d& position, const Matrix6d& in_segment,
+                                const Eigen::Vector3d& way_m, double offset_scale_sigma) {
+  // A turn of the segment's start swings all that follows.
+  Matrix6d carried = Matrix6d::Identity();
+  carried.topRightCorner<3, 3>() = -cross_matrix(position - start_);
+  last_covariance_ = in_segment + carried * start_covariance_ * carried.transpose();
+  last_ = position;
+  offset_error_m_ += offset_scale_sigma * (way_m - last_way_m_);
+  last_way_m_ = way_m;
+  Matrix6d covariance = last_covariance_;
+  covariance.topLeftCorner<3, 3>() += scale_sigma_ * scale_sigma_ * way_m * way_m.transpose() +
+                                      offset_error_m_ * offset_error_m_.transpose();
+  return covariance;
+}
+
+}  // namespace pilotage

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "geometry/transform.hpp"
+
+namespace pilotage {
+
+/// What the poses of a path share, added to what the adjustment knows of each: errors of the rig,
+/// which grow with the way, and gaps, after which the path goes on with little knowledge of where.
+///
+/// Covariances are of (position, rotation) along the world's axes. Poses come in order.
+class PathCovariance {
+ public:
+  explicit PathCovariance(double scale_sigma) : scale_sigma_(scale_sigma) {}
+
+  /// Nothing was seen for a while: the next segment starts at the last pose, which since then may
+  /// have moved by `moved_sigma_m` in each direction and turned anyhow.
+  void begin_segment(double moved_sigma_m);
+
+  /// Covariance of a pose in the world. `in_segment`: given the first pose of its segment;
+  /// `way_m`: from the first to this camera position; `offset_scale_sigma`: relative error of
+  /// lengths just now because of the rig's right x offset, the same error for all poses.
+  Matrix6d extend(const Eigen::Vector3d& position, const Matrix6d& in_segment,
+                  const Eigen::Vector3d& way_m, double offset_scale_sigma);
+
+ private:
+  double scale_sigma_;
+  Eigen::Vector3d start_ = Eigen::Vector3d::Zero();  ///< of the segment
+  Matrix6d start_covariance_ = Matrix6d::Zero();
+  Eigen::Vector3d last_ = Eigen::Vector3d::Zero();
+  Matrix6d last_covariance_ = Matrix6d::Zero();  ///< without the rig's errors
+  Eigen::Vector3d last_way_m_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d offset_error_m_ = Eigen::Vector3d::Zero();  ///< for an offset off by one sigma
+};
+
+}  // namespace pilotage
