@@ -53,8 +53,8 @@ class StereoOdometry {
     OdometryResult result;
     int keyframe = -1;  ///< serial; -1: no pose
     Transform keyframe_from_left;
-    float gap_sigma_m = 0;      ///< above 0 where a segment begins: the way that was not seen
-    float scale_per_px = 0;     ///< relative error of lengths for a pixel of right x offset
+    float gap_sigma_m = 0;   ///< above 0 where a segment begins: the way that was not seen
+    float scale_per_px = 0;  ///< relative error of lengths for a pixel of right x offset
     Eigen::Matrix<float, 6, 6> relative_covariance = Eigen::Matrix<float, 6, 6>::Zero();
   };
   struct Tracked {
