@@ -16,7 +16,7 @@ constexpr double significance = 3.0;
 constexpr double observable_sigma_px = 0.15;
 /// What keeps the windows' standard errors honest: their model is not perfect either.
 constexpr double model_sigma_px = 0.05;
-constexpr int min_y_parallaxes = 200;
+constexpr int min_rows = 100;
 
 }  // namespace
 
@@ -43,10 +43,18 @@ void CalibrationMonitor::add_window(BundleProblem problem) {
   weighted_offset_ += problem.right_x_offset_px / (sigma * sigma);
 }
 
-void CalibrationMonitor::add_y_parallax(float y_parallax_px) {
-  const int bin = static_cast<int>(std::lround(y_parallax_px / bin_px)) + bins / 2;
-  ++y_parallax_[std::clamp(bin, 0, bins - 1)];
-  ++y_parallax_count_;
+void CalibrationMonitor::add_row_differences(std::span<const float> row_differences_px) {
+  for (const float difference_px : row_differences_px) {
+    const int bin = static_cast<int>(std::lround(difference_px / bin_px)) + bins / 2;
+    ++rows_[std::clamp(bin, 0, bins - 1)];
+    ++row_count_;
+  }
+}
+
+double CalibrationMonitor::row_quantile_px(double part) const {
+  int below = 0, bin = 0;
+  while (bin < bins - 1 && below + rows_[bin] < part * row_count_) below += rows_[bin++];
+  return (bin - bins / 2) * bin_px;
 }
 
 void CalibrationMonitor::set_block_estimate(double offset_px, double sigma_px) {
@@ -72,17 +80,14 @@ CalibrationCheck CalibrationMonitor::check() const {
     check.right_x_offset_px = weighted_offset_ / weight_;
     check.right_x_offset_sigma_px = std::sqrt(1 / weight_);
   }
-  if (y_parallax_count_ > 0) {
-    int below = 0, bin = 0;
-    while (bin < bins - 1 && 2 * (below + y_parallax_[bin]) < y_parallax_count_) {
-      below += y_parallax_[bin++];
-    }
-    check.y_parallax_px = (bin - bins / 2) * bin_px;
-    // Of a median, with half a pixel of spread: small; the bins are the limit.
-    check.y_parallax_sigma_px = std::max(bin_px, 0.63 / std::sqrt(y_parallax_count_));
+  if (row_count_ > 0) {
+    check.y_parallax_px = row_quantile_px(0.5);
+    // Of a median of normal errors, from the range of their middle half; the bins are the limit.
+    const double spread_px = (row_quantile_px(0.75) - row_quantile_px(0.25)) / 1.35;
+    check.y_parallax_sigma_px = std::max(bin_px, 1.25 * spread_px / std::sqrt(row_count_));
   }
   const bool offset_known = weight_ > 0 && check.right_x_offset_sigma_px < observable_sigma_px;
-  const bool rows_known = y_parallax_count_ >= min_y_parallaxes;
+  const bool rows_known = row_count_ >= min_rows;
   const auto exceeds = [](double value, double sigma, double tolerated) {
     return std::abs(value) - significance * sigma > tolerated;
   };

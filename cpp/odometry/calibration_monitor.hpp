@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 
 #include "odometry/config.hpp"
 #include "odometry/result.hpp"
@@ -21,7 +22,8 @@ class CalibrationMonitor {
 
   /// Estimates the offset from one window; windows given must not overlap.
   void add_window(BundleProblem problem);
-  void add_y_parallax(float y_parallax_px);
+  /// y_right - y_left of homologous points that were found without trusting the rows.
+  void add_row_differences(std::span<const float> row_differences_px);
   /// The offset of the whole block replaces what the windows said.
   void set_block_estimate(double offset_px, double sigma_px);
 
@@ -32,14 +34,16 @@ class CalibrationMonitor {
   CalibrationCheck check() const;
 
  private:
-  static constexpr int bins = 161;
+  static constexpr int bins = 401;
   static constexpr double bin_px = 0.05;
 
   OdometryConfig config_;
   double weight_ = 0;
   double weighted_offset_ = 0;
-  std::array<int, bins> y_parallax_{};  ///< histogram from -4 to 4 px
-  int y_parallax_count_ = 0;
+  double row_quantile_px(double part) const;
+
+  std::array<int, bins> rows_{};  ///< histogram of row differences from -10 to 10 px
+  int row_count_ = 0;
 };
 
 /// Offset under a Gaussian prior around zero.

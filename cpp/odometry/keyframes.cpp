@@ -4,9 +4,16 @@
 #include <utility>
 
 #include "odometry/new_points.hpp"
+#include "odometry/pair_check.hpp"
 #include "odometry/stereo_odometry.hpp"
 
 namespace pilotage {
+namespace {
+
+/// The rows of so many keyframes are checked at first, then those of each so-manieth.
+constexpr int first_samples = 8;
+
+}  // namespace
 
 bool StereoOdometry::needs_keyframe(const Tracked& tracked) const {
   if (pairs_since_keyframe_ + 1 >= config_.adjust_every) return true;
@@ -67,6 +74,9 @@ void StereoOdometry::make_keyframe(const PyramidPair& pair, const Tracked& track
                                   config_);
   window_.landmarks().insert(window_.landmarks().end(), found.begin(), found.end());
   points_at_keyframe_ = static_cast<int>(occupied.size() + found.size());
+  if (keyframe.serial < first_samples || keyframe.serial % first_samples == 0) {
+    monitor_.add_row_differences(sample_rows(pair, stereo_).row_differences_px);
+  }
   recovery_.set_reference(pair);
   pairs_since_keyframe_ = 0;
 }

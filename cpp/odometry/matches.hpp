@@ -14,7 +14,6 @@ struct Match {
   int landmark = 0;  ///< index in the window's landmarks
   Eigen::Vector2f left_px = Eigen::Vector2f::Zero();
   float right_x_px = 0;  ///< NaN when not found in the right picture
-  float y_parallax_px = 0;
   float left_sigma_px = 1;
   float right_sigma_px = 1;
   float correlation = 0;  ///< quality, 0..1

@@ -76,8 +76,8 @@ std::vector<Landmark> find_new_landmarks(HarrisDetector& detector, const Pyramid
   std::vector<Landmark> landmarks;
   for (std::size_t i = 0; i < pixels.size(); ++i) {
     if (std::isnan(starts[i])) continue;
-    float sigma = 0, y_parallax = 0;
-    const float right_x = match_right(pair, pixels[i], starts[i], config, sigma, y_parallax);
+    float sigma = 0;
+    const float right_x = match_right(pair, pixels[i], starts[i], config, sigma);
     if (std::isnan(right_x)) continue;
     landmarks.push_back(make_landmark(pair, keyframe, pixels[i], right_x, sigma, stereo, config));
   }

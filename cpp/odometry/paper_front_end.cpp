@@ -151,7 +151,7 @@ bool PaperFrontEnd::refine(const Window& window, const DescriptorMatch& found, M
 
 PaperFrontEnd::RightPoint PaperFrontEnd::right_of(int left_point,
                                                   const Eigen::Vector2f& left_px) const {
-  RightPoint right{nan, 1, 0};
+  RightPoint right{nan, 1};
   const int partner = right_of_left_[left_point];
   if (partner < 0) return right;
   const float disparity_px = left_.px[left_point].x() - right_.px[partner].x();
@@ -162,12 +162,6 @@ PaperFrontEnd::RightPoint PaperFrontEnd::right_of(int left_point,
   if (!found.ok || found.correlation < config_.min_correlation) return right;
   right.x_px = found.position_px.x();
   right.sigma_px = match_sigma(found.sigma_px.x(), config_);
-  // One free step shows the y-parallax.
-  options.along_row_only = false;
-  options.max_iterations = 2;
-  const SubpixelMatch free = refine_match(pair_.left->level(0), left_px, pair_.right->level(0),
-                                          found.position_px, options);
-  if (free.ok) right.y_parallax_px = free.position_px.y() - left_px.y();
   return right;
 }
 
@@ -185,7 +179,6 @@ std::vector<Match> PaperFrontEnd::find(const Window& window, const PyramidPair& 
     const RightPoint right = right_of(found.b, match.left_px);
     match.right_x_px = right.x_px;
     match.right_sigma_px = right.sigma_px;
-    match.y_parallax_px = right.y_parallax_px;
     matches.push_back(match);
   }
   return matches;

@@ -41,7 +41,7 @@ class PaperFrontEnd {
     Eigen::Vector2f px = Eigen::Vector2f::Zero();
   };
   struct RightPoint {
-    float x_px, sigma_px, y_parallax_px;
+    float x_px, sigma_px;
   };
 
   void take(const PyramidPair& pair, const RectifiedStereo& stereo);

@@ -102,7 +102,7 @@ bool find_in_left(Landmark& landmark, const Keyframe& host, const Pyramid& left,
 }  // namespace
 
 float match_right(const PyramidPair& pair, const Eigen::Vector2f& left_px, float right_x_px,
-                  const OdometryConfig& config, float& sigma_px, float& y_parallax_px) {
+                  const OdometryConfig& config, float& sigma_px) {
   PatchTemplate patch;
   if (!make_template(pair.left->level(0), left_px, Eigen::Matrix2f::Identity(), patch)) return nan;
   PatchAlignmentOptions options;
@@ -111,7 +111,6 @@ float match_right(const PyramidPair& pair, const Eigen::Vector2f& left_px, float
       align_patch_in_row(pair.right->level(0), patch, {right_x_px, left_px.y()}, options);
   if (!found.converged || found.correlation < config.min_correlation) return nan;
   sigma_px = match_sigma(row_shift_sigma_px(patch, found.noise_grey), config);
-  y_parallax_px = found.below_px;
   return found.pixel.x();
 }
 
@@ -146,7 +145,7 @@ std::vector<Match> track_patches(Window& window, const std::vector<int>& landmar
     const float predicted_disparity = static_cast<float>(
         stereo.focal_px * stereo.baseline_m / point.z() + (stereo.cx_px - stereo.cx_right_px));
     match.right_x_px = match_right(pair, match.left_px, match.left_px.x() - predicted_disparity,
-                                   config, match.right_sigma_px, match.y_parallax_px);
+                                   config, match.right_sigma_px);
     matches.push_back(match);
   }
   return matches;

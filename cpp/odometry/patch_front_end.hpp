@@ -21,8 +21,8 @@ std::vector<Match> track_patches(Window& window, const std::vector<int>& landmar
                                  const OdometryConfig& config);
 
 /// Where `left_px` of the left picture is in the right one, starting from `right_x_px`; NaN if
-/// nowhere. Also measures the row difference.
+/// nowhere.
 float match_right(const PyramidPair& pair, const Eigen::Vector2f& left_px, float right_x_px,
-                  const OdometryConfig& config, float& sigma_px, float& y_parallax_px);
+                  const OdometryConfig& config, float& sigma_px);
 
 }  // namespace pilotage

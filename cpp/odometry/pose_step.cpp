@@ -95,6 +95,13 @@ double median_depth(const std::vector<Eigen::Vector3d>& points) {
   return quantile(std::move(depths), 0.5);
 }
 
+float share_with_right(const Selection& selection) {
+  if (selection.observations.empty()) return 0;
+  const auto found = std::count_if(selection.observations.begin(), selection.observations.end(),
+                                   [](const auto& o) { return !std::isnan(o.right_x_px); });
+  return static_cast<float>(found) / static_cast<float>(selection.observations.size());
+}
+
 /// How much worse the right picture agrees with the pose than the left one.
 float right_to_left_ratio(const Selection& selection, const RectifiedStereo& stereo,
                           const Transform& camera_from_predicted) {
@@ -156,6 +163,7 @@ PoseStep solve_pose(const Window& window, const std::vector<Match>& matches,
   }
   step.inliers = result.inlier_count;
   step.rms_px = static_cast<float>(result.rms_px);
+  step.right_share = share_with_right(inliers);
   step.right_to_left = right_to_left_ratio(inliers, stereo, *result.camera_from_world);
   return step;
 }

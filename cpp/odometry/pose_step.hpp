@@ -15,13 +15,18 @@ struct PoseStep {
   int inliers = 0;
   float rms_px = 0;
   float y_parallax_px = 0;  ///< m_q between the previous and the current left picture
+  float right_share = 1;    ///< of the inliers: those found in the right picture too
   /// Median residual in the right picture over that in the left one: far above 1 when the pictures
   /// were not taken together.
   float right_to_left = 1;
 };
 
-/// The pictures of the pair seem not to have been taken together.
-inline bool are_out_of_step(const PoseStep& step) { return step.right_to_left > 5; }
+/// The right picture shows the points elsewhere than the left one. Good recordings stay below 1.1.
+inline bool is_out_of_step(const PoseStep& step) { return step.right_to_left > 5; }
+/// The same, or it does not show them. Good recordings stay above 0.75.
+inline bool disagrees(const PoseStep& step) {
+  return step.right_share < 0.5f || is_out_of_step(step);
+}
 
 /// Rejects blunders by epipolar geometry, finds the pose by P3P RANSAC and adjusts it robustly.
 PoseStep solve_pose(const Window& window, const std::vector<Match>& matches,

@@ -52,7 +52,7 @@ Reason StereoOdometry::find_doubt(const PairRecord& record, const Tracked& track
   if (monitor_.check().verdict == CalibrationVerdict::inconsistent) {
     return Reason::calibration_does_not_fit;
   }
-  if (are_out_of_step(tracked.step)) return Reason::left_right_out_of_step;
+  if (is_out_of_step(tracked.step)) return Reason::left_right_out_of_step;
   if (record.gap_sigma_m > 0) return Reason::frames_missing;
   if (disparity_px(previous_points_, nearest_part, stereo_) < min_disparity_px) {
     return Reason::no_parallax;

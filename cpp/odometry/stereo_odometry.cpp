@@ -8,6 +8,7 @@
 #include <string>
 
 #include "odometry/new_points.hpp"
+#include "odometry/pair_check.hpp"
 #include "odometry/patch_front_end.hpp"
 
 namespace pilotage {
@@ -29,6 +30,13 @@ void check_size(const ImageView& image, const RectifiedStereo& stereo, const cha
 /// Part `t` of a motion, and beyond it for t > 1.
 Transform part_of(const Transform& motion, double t) {
   return transform_exp(t * transform_log(motion));
+}
+
+/// A landmark of this keyframe begins there already.
+bool is_followed(const Window& window, int keyframe, const Eigen::Vector2f& left_px) {
+  return std::any_of(window.landmarks().begin(), window.landmarks().end(), [&](const Landmark& l) {
+    return l.host == keyframe && (l.host_px - left_px).squaredNorm() < 1;
+  });
 }
 
 }  // namespace
@@ -57,14 +65,13 @@ OdometryResult StereoOdometry::track(const ImageView& left, const ImageView& rig
   check_size(right, rectifier_.stereo(), "right");
   // 1. Rectify; halve.
   const PyramidPair pair = prepare(left, right);
-  if (window_.empty()) return start(pair, timestamp_ns);
   // 2-4. Homologous points, under a motion prior. 5, 6. Blunders, resection.
-  Tracked tracked;
-  if (lost_pairs_ == 0) tracked = follow(pair, predict(pair, timestamp_ns));
-  if (tracked.step.quality != PoseQuality::tracking) {
-    Tracked recovered = recover(pair);
-    if (recovered.step.inliers > tracked.step.inliers) tracked = std::move(recovered);
+  Tracked tracked = find_pose(pair, timestamp_ns);
+  if (tracked.step.quality != PoseQuality::tracking || disagrees(tracked.step)) {
+    const Reason fault = examine(pair, prepare(right, left), tracked);
+    if (fault != Reason::none) return refuse(tracked, timestamp_ns, fault);
   }
+  if (window_.empty()) return start(pair, timestamp_ns);
   note_matches(tracked);
   if (tracked.step.quality == PoseQuality::lost) return lose(pair, tracked, timestamp_ns);
   // 7. Adjustment of the window.
@@ -129,9 +136,9 @@ OdometryResult StereoOdometry::start(const PyramidPair& pair, std::int64_t times
   make_keyframe(pair, tracked);
   tracked.step.inliers = static_cast<int>(window_.landmarks().size());
   if (tracked.step.inliers < config_.min_inliers) {
-    const Reason reason = explain(pair, tracked);
     window_.clear(block_);
-    return record_lost(timestamp_ns, reason);
+    return record_lost(timestamp_ns,
+                       explain_few_points(describe_picture(*pair.left), usual_sharpness_));
   }
   tracked.step.quality = PoseQuality::tracking;
   // Nothing here was seen before: the path goes on where it ended, with as little trust as there is
@@ -149,6 +156,18 @@ float StereoOdometry::gap_sigma_m(std::int64_t timestamp_ns) const {
   const double speed_m_s =
       motion_s_ > 0 ? before_from_previous_.translation.norm() / motion_s_ : 0.0;
   return static_cast<float>(std::max(1.0, speed_m_s) * gap_s);
+}
+
+StereoOdometry::Tracked StereoOdometry::find_pose(const PyramidPair& pair,
+                                                  std::int64_t timestamp_ns) {
+  Tracked tracked;
+  if (window_.empty()) return tracked;
+  if (lost_pairs_ == 0) tracked = follow(pair, predict(pair, timestamp_ns));
+  if (tracked.step.quality != PoseQuality::tracking) {
+    Tracked recovered = recover(pair);
+    if (recovered.step.inliers > tracked.step.inliers) tracked = std::move(recovered);
+  }
+  return tracked;
 }
 
 Transform StereoOdometry::predict(const PyramidPair& pair, std::int64_t timestamp_ns) const {
@@ -197,6 +216,7 @@ StereoOdometry::Tracked StereoOdometry::recover(const PyramidPair& pair) {
   const Keyframe& reference = window_.keyframes().back();
   // What the descriptors agreed on joins the map, so that there is something to follow.
   for (std::size_t i = 0; i < found->reference_px.size(); ++i) {
+    if (is_followed(window_, reference.serial, found->reference_px[i])) continue;
     window_.landmarks().push_back(make_landmark(
         recovery_.reference(), reference, found->reference_px[i], found->right_x_px[i],
         static_cast<float>(config_.measurement_sigma_px), stereo_, config_));
@@ -218,7 +238,6 @@ void StereoOdometry::note_matches(const Tracked& tracked) {
     landmark.was_matched = true;
     landmark.previous_px = match.left_px;
     landmark.misses = 0;
-    monitor_.add_y_parallax(match.y_parallax_px);
   }
 }
 
@@ -246,35 +265,36 @@ void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_fr
   }
 }
 
-Reason StereoOdometry::explain(const PyramidPair& pair, const Tracked& tracked) const {
-  if (tracked.step.inliers >= config_.min_inliers && are_out_of_step(tracked.step)) {
-    return Reason::left_right_out_of_step;
-  }
-  // Pictures that match better the other way round were taken the other way round.
-  const auto count_found = [&](const PyramidPair& tried) {
-    HarrisDetector detector(detector_.options());
-    Keyframe keyframe;
-    return find_new_landmarks(detector, tried, keyframe, {}, stereo_, config_).size();
-  };
-  const PyramidPair swapped{pair.right, pair.left};
-  if (count_found(swapped) > 3 * count_found(pair) + config_.min_inliers) {
-    return Reason::left_right_swapped;
-  }
-  return explain_few_points(describe_picture(*pair.left), usual_sharpness_);
+/// Whether the pair itself is at fault, not what it shows.
+Reason StereoOdometry::examine(const PyramidPair& pair, const PyramidPair& exchanged,
+                               const Tracked& tracked) const {
+  PairEvidence evidence{sample_rows(pair, stereo_), sample_rows(exchanged, stereo_), true};
+  // A right picture that shows little can be out of step or dark: only a clear one tells.
+  evidence.right_agrees =
+      tracked.step.inliers < config_.min_inliers || !disagrees(tracked.step) ||
+      explain_few_points(describe_picture(*pair.right), usual_sharpness_) != Reason::too_few_points;
+  return find_pair_fault(evidence);
+}
+
+/// Nothing of a faulty pair is used, and nothing can be begun with it.
+OdometryResult StereoOdometry::refuse(const Tracked& tracked, std::int64_t timestamp_ns,
+                                      Reason fault) {
+  ++lost_pairs_;
+  OdometryResult& result = record_lost(timestamp_ns, fault);
+  result.matches = static_cast<int>(tracked.matches.size());
+  result.inliers = tracked.step.inliers;
+  return result;
 }
 
 OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& tracked,
                                     std::int64_t timestamp_ns) {
-  ++lost_pairs_;
   const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
   if (gap_s > config_.restart_after_s) {
     window_.clear(block_);
     return start(pair, timestamp_ns);
   }
-  OdometryResult& result = record_lost(timestamp_ns, explain(pair, tracked));
-  result.matches = static_cast<int>(tracked.matches.size());
-  result.inliers = tracked.step.inliers;
-  return result;
+  return refuse(tracked, timestamp_ns,
+                explain_few_points(describe_picture(*pair.left), usual_sharpness_));
 }
 
 OdometryResult& StereoOdometry::record_lost(std::int64_t timestamp_ns, Reason reason) {

@@ -66,6 +66,7 @@ class StereoOdometry {
   std::shared_ptr<Pyramid> spare_pyramid();
   PyramidPair prepare(const ImageView& left, const ImageView& right);
   OdometryResult start(const PyramidPair& pair, std::int64_t timestamp_ns);
+  Tracked find_pose(const PyramidPair& pair, std::int64_t timestamp_ns);
   Transform predict(const PyramidPair& pair, std::int64_t timestamp_ns) const;
   Tracked follow(const PyramidPair& pair, const Transform& predicted);
   Tracked recover(const PyramidPair& pair);
@@ -78,10 +79,12 @@ class StereoOdometry {
   void note_motion(const Transform& world_from_left, std::int64_t timestamp_ns);
   void remember(const PyramidPair& pair, const Transform& world_from_left,
                 std::int64_t timestamp_ns);
+  OdometryResult refuse(const Tracked& tracked, std::int64_t timestamp_ns, Reason fault);
   OdometryResult lose(const PyramidPair& pair, const Tracked& tracked, std::int64_t timestamp_ns);
   float gap_sigma_m(std::int64_t timestamp_ns) const;
   OdometryResult& record_lost(std::int64_t timestamp_ns, Reason reason);
-  Reason explain(const PyramidPair& pair, const Tracked& tracked) const;
+  Reason examine(const PyramidPair& pair, const PyramidPair& exchanged,
+                 const Tracked& tracked) const;
   OdometryResult report(const Tracked& tracked, bool is_keyframe, std::int64_t timestamp_ns,
                         float gap_sigma_m = 0);
   Reason find_doubt(const PairRecord& record, const Tracked& tracked) const;
