@@ -144,11 +144,6 @@ def changed(drive: Drive, places: range, change: Callable[[Any], Pair]) -> list[
     return [change(p) if i in places else p for i, p in enumerate(drive.pairs)]
 
 
-def known(defect: str) -> pytest.MarkDecorator:
-    """Mark a test that shows a defect of today; it must go together with the defect."""
-    return pytest.mark.xfail(reason=defect, strict=True)
-
-
 def darken(pair: Any) -> Pair:
     left, right = ((0.02 * side).astype(np.uint8) for side in pair)
     return left, right
@@ -172,13 +167,7 @@ def shift_right(pair: Any, shift_px: float) -> Pair:
     return left, moved.astype(np.uint8)
 
 
-@pytest.mark.parametrize(
-    "front_end",
-    [
-        "patch",
-        pytest.param("paper", marks=known("the paper's front end says too small a covariance")),
-    ],
-)
+@pytest.mark.parametrize("front_end", ["patch", "paper"])
 @pytest.mark.parametrize("name", ["street", "lens"])
 def test_error_is_bounded(name: str, front_end: str, request: pytest.FixtureRequest) -> None:
     drive: Drive = request.getfixturevalue(name)

@@ -33,6 +33,9 @@ constexpr double max_window_px = 30;
 /// twice as wide and this part of the picture's width wider.
 constexpr double min_found = 1.0 / 3;
 constexpr double poor_prediction = 0.03;
+/// Windows are compared unwarped: a surface seen so many times larger shifts the match by about so
+/// many pixels times what exceeds one.
+constexpr float growth_error_px = 1;
 
 float match_sigma(float noise_sigma_px, const OdometryConfig& config) {
   return std::hypot(static_cast<float>(config.measurement_sigma_px), noise_sigma_px);
@@ -138,14 +141,23 @@ std::vector<DescriptorMatch> PaperFrontEnd::match_landmarks(
   return more.size() > found.size() ? more : found;
 }
 
-bool PaperFrontEnd::refine(const Window& window, const DescriptorMatch& found, Match& match) const {
+bool PaperFrontEnd::refine(const Window& window, const DescriptorMatch& found,
+                           const Transform& left_from_world, Match& match) const {
   const Look& look = looks_[found.a];
   const SubpixelMatch fine = refine_match(window.keyframe(look.keyframe).left->level(0), look.px,
                                           pair_.left->level(0), left_.px[found.b], refinement());
   if (!fine.ok || fine.correlation < config_.min_correlation) return false;
   match.left_px = fine.position_px;
-  match.left_sigma_px = match_sigma(fine.sigma_px.maxCoeff(), config_);
   match.correlation = fine.correlation;
+  // From look to look a point wanders off the place it began at: errors add up.
+  const Landmark& landmark = window.landmarks()[found.a];
+  const auto looks = static_cast<float>(landmark.sightings.size());
+  const Transform host_from_world = window.keyframe(landmark.host).world_from_left.inverse();
+  const double growth = (host_from_world * landmark.point_in_world).z() /
+                        (left_from_world * landmark.point_in_world).z();
+  match.left_sigma_px =
+      std::hypot(std::sqrt(looks) * match_sigma(fine.sigma_px.maxCoeff(), config_),
+                 growth_error_px * std::abs(static_cast<float>(growth) - 1));
   return true;
 }
 
@@ -175,7 +187,7 @@ std::vector<Match> PaperFrontEnd::find(const Window& window, const PyramidPair& 
   for (const DescriptorMatch& found : match_landmarks(window, stereo, left_from_world)) {
     Match match;
     match.landmark = found.a;
-    if (!refine(window, found, match)) continue;
+    if (!refine(window, found, left_from_world, match)) continue;
     const RightPoint right = right_of(found.b, match.left_px);
     match.right_x_px = right.x_px;
     match.right_sigma_px = right.sigma_px;

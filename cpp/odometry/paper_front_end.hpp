@@ -49,7 +49,8 @@ class PaperFrontEnd {
   void describe_landmarks(const Window& window);
   std::vector<DescriptorMatch> match_landmarks(const Window& window, const RectifiedStereo& stereo,
                                                const Transform& left_from_world) const;
-  bool refine(const Window& window, const DescriptorMatch& found, Match& match) const;
+  bool refine(const Window& window, const DescriptorMatch& found, const Transform& left_from_world,
+              Match& match) const;
   RightPoint right_of(int left_point, const Eigen::Vector2f& left_px) const;
 
   OdometryConfig config_;
