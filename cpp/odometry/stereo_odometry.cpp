@@ -32,11 +32,10 @@ Transform part_of(const Transform& motion, double t) {
   return transform_exp(t * transform_log(motion));
 }
 
-/// A landmark of this keyframe begins there already.
+/// A recovery from this keyframe that came to nothing has put this landmark there before.
 bool is_followed(const Window& window, int keyframe, const Eigen::Vector2f& left_px) {
-  return std::any_of(window.landmarks().begin(), window.landmarks().end(), [&](const Landmark& l) {
-    return l.host == keyframe && (l.host_px - left_px).squaredNorm() < 1;
-  });
+  return std::any_of(window.landmarks().begin(), window.landmarks().end(),
+                     [&](const Landmark& l) { return l.host == keyframe && l.host_px == left_px; });
 }
 
 }  // namespace
