@@ -19,7 +19,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from synthetic import SyntheticRecording
+from synthetic import SyntheticRecording, make_recording
 
 import pilotage
 from pilotage import Camera, StereoRig, Transform
@@ -248,6 +248,14 @@ def test_long_dark_stretch_begins_a_segment(street: Drive, dark_pairs: int) -> N
         assert np.sqrt(first.covariance[0, 0]) > 0.09 * dark_pairs
         # What was known before the gap stays known.
         assert np.sqrt(np.trace(results[7].covariance[:3, :3])) < 0.05
+
+
+def test_points_too_far_to_measure_say_no_parallax(tmp_path: Path) -> None:
+    far = make_recording(tmp_path, layout="kitti", frames=4, baseline_m=0.002)
+    found = follow(read_drive(far, back_again=False))
+    for results in (found.live, found.final):
+        assert all(r.world_from_left is not None for r in results)
+        assert all((r.status, r.reason) == (Status.degraded, Reason.no_parallax) for r in results)
 
 
 def test_always_swapped_gives_no_pose(street: Drive) -> None:

@@ -25,7 +25,7 @@ double shrink(double offset_px, double sigma_px, double prior_sigma_px) {
   return prior > 0 ? offset_px * prior / (prior + sigma_px * sigma_px) : 0.0;
 }
 
-void CalibrationMonitor::add_window(BundleProblem problem) {
+void CalibrationMonitor::add_window(BundleProblem problem, bool is_preliminary) {
   problem.prior.reset();
   problem.pose_is_fixed.assign(problem.world_from_left.size(), 0);
   problem.pose_is_fixed[0] = 1;
@@ -39,6 +39,8 @@ void CalibrationMonitor::add_window(BundleProblem problem) {
                       result.termination == Termination::iteration_limit;
   const double sigma = std::hypot(result.right_x_offset_sigma_px, model_sigma_px);
   if (!solved || !std::isfinite(sigma) || result.right_x_offset_sigma_px <= 0) return;
+  if (is_preliminary_) weight_ = weighted_offset_ = 0;
+  is_preliminary_ = is_preliminary;
   weight_ += 1 / (sigma * sigma);
   weighted_offset_ += problem.right_x_offset_px / (sigma * sigma);
 }

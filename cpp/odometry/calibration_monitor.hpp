@@ -20,8 +20,9 @@ class CalibrationMonitor {
  public:
   explicit CalibrationMonitor(const OdometryConfig& config) : config_(config) {}
 
-  /// Estimates the offset from one window; windows given must not overlap.
-  void add_window(BundleProblem problem);
+  /// Estimates the offset from one window; windows given must not overlap. A preliminary estimate
+  /// is forgotten when the next one comes.
+  void add_window(BundleProblem problem, bool is_preliminary = false);
   /// y_right - y_left of homologous points that were found without trusting the rows.
   void add_row_differences(std::span<const float> row_differences_px);
   /// The offset of the whole block replaces what the windows said.
@@ -40,6 +41,7 @@ class CalibrationMonitor {
   OdometryConfig config_;
   double weight_ = 0;
   double weighted_offset_ = 0;
+  bool is_preliminary_ = false;
   double row_quantile_px(double part) const;
 
   std::array<int, bins> rows_{};  ///< histogram of row differences from -10 to 10 px

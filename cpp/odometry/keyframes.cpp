@@ -84,13 +84,13 @@ void StereoOdometry::make_keyframe(const PyramidPair& pair, const Tracked& track
 void StereoOdometry::adjust_window() {
   window_.adjust(block_);
   const int newest = window_.keyframes().back().serial;
-  if (config_.right_x_offset_prior_px <= 0 || !window_.is_full() ||
-      newest % config_.window_keyframes != 0) {
-    return;
-  }
+  // Half a window already tells a gross error.
+  const bool is_preliminary = newest == config_.window_keyframes / 2;
+  const bool is_whole = window_.is_full() && newest % config_.window_keyframes == 0;
+  if (config_.right_x_offset_prior_px <= 0 || (!is_preliminary && !is_whole)) return;
   BundleProblem problem = window_.problem();
   problem.stereo = rectifier_.stereo();
-  monitor_.add_window(std::move(problem));
+  monitor_.add_window(std::move(problem), is_preliminary);
   stereo_.cx_right_px = rectifier_.stereo().cx_right_px + monitor_.right_x_offset_px();
   window_.set_stereo(stereo_);
 }
