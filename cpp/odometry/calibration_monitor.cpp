@@ -43,6 +43,9 @@ void CalibrationMonitor::add_window(BundleProblem problem, bool is_preliminary) 
   is_preliminary_ = is_preliminary;
   weight_ += 1 / (sigma * sigma);
   weighted_offset_ += problem.right_x_offset_px / (sigma * sigma);
+  if (is_preliminary && check().verdict != CalibrationVerdict::inconsistent) {
+    weight_ = weighted_offset_ = 0;
+  }
 }
 
 void CalibrationMonitor::add_row_differences(std::span<const float> row_differences_px) {

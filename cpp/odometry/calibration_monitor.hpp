@@ -21,7 +21,7 @@ class CalibrationMonitor {
   explicit CalibrationMonitor(const OdometryConfig& config) : config_(config) {}
 
   /// Estimates the offset from one window; windows given must not overlap. A preliminary estimate
-  /// is forgotten when the next one comes.
+  /// counts only where it shows a gross error, and until the next one comes.
   void add_window(BundleProblem problem, bool is_preliminary = false);
   /// y_right - y_left of homologous points that were found without trusting the rows.
   void add_row_differences(std::span<const float> row_differences_px);

@@ -215,7 +215,7 @@ StereoOdometry::Tracked StereoOdometry::recover(const PyramidPair& pair) {
   const Keyframe& reference = window_.keyframes().back();
   // What the descriptors agreed on joins the map, so that there is something to follow.
   for (std::size_t i = 0; i < found->reference_px.size(); ++i) {
-    if (is_followed(window_, reference.serial, found->reference_px[i])) continue;
+    if (lost_pairs_ > 0 && is_followed(window_, reference.serial, found->reference_px[i])) continue;
     window_.landmarks().push_back(make_landmark(
         recovery_.reference(), reference, found->reference_px[i], found->right_x_px[i],
         static_cast<float>(config_.measurement_sigma_px), stereo_, config_));
