@@ -23,9 +23,11 @@ struct PoseStep {
 
 /// The right picture shows the points elsewhere than the left one. Good recordings stay below 1.1.
 inline bool is_out_of_step(const PoseStep& step) { return step.right_to_left > 5; }
-/// The same, or it does not show them. Good recordings stay above 0.75.
-inline bool disagrees(const PoseStep& step) {
-  return step.right_share < 0.5f || is_out_of_step(step);
+/// The same, or it does not show them. Good recordings stay above 0.75. After pairs that were out
+/// of step, `is_suspected`, a pair must be as good as that.
+inline bool disagrees(const PoseStep& step, bool is_suspected) {
+  return is_suspected ? step.right_share < 0.75f || step.right_to_left > 1.5f
+                      : step.right_share < 0.5f || is_out_of_step(step);
 }
 
 /// Rejects blunders by epipolar geometry, finds the pose by P3P RANSAC and adjusts it robustly.

@@ -8,7 +8,6 @@
 #include <string>
 
 #include "odometry/new_points.hpp"
-#include "odometry/pair_check.hpp"
 #include "odometry/patch_front_end.hpp"
 
 namespace pilotage {
@@ -66,7 +65,7 @@ OdometryResult StereoOdometry::track(const ImageView& left, const ImageView& rig
   const PyramidPair pair = prepare(left, right);
   // 2-4. Homologous points, under a motion prior. 5, 6. Blunders, resection.
   Tracked tracked = find_pose(pair, timestamp_ns);
-  if (tracked.step.quality != PoseQuality::tracking || disagrees(tracked.step)) {
+  if (tracked.step.quality != PoseQuality::tracking || right_disagrees(tracked)) {
     const Reason fault = examine(pair, prepare(right, left), tracked);
     if (fault != Reason::none) return refuse(tracked, timestamp_ns, fault);
   }
@@ -262,46 +261,6 @@ void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_fr
     if (p.z() < 0.1) continue;
     previous_points_.push_back({stereo_.project_left(p).cast<float>(), p});
   }
-}
-
-/// Whether the pair itself is at fault, not what it shows.
-Reason StereoOdometry::examine(const PyramidPair& pair, const PyramidPair& exchanged,
-                               const Tracked& tracked) const {
-  PairEvidence evidence{sample_rows(pair, stereo_), sample_rows(exchanged, stereo_), true};
-  // A right picture that shows little can be out of step or dark: only a clear one tells.
-  evidence.right_agrees =
-      tracked.step.inliers < config_.min_inliers || !disagrees(tracked.step) ||
-      explain_few_points(describe_picture(*pair.right), usual_sharpness_) != Reason::too_few_points;
-  return find_pair_fault(evidence);
-}
-
-/// Nothing of a faulty pair is used, and nothing can be begun with it.
-OdometryResult StereoOdometry::refuse(const Tracked& tracked, std::int64_t timestamp_ns,
-                                      Reason fault) {
-  ++lost_pairs_;
-  OdometryResult& result = record_lost(timestamp_ns, fault);
-  result.matches = static_cast<int>(tracked.matches.size());
-  result.inliers = tracked.step.inliers;
-  return result;
-}
-
-OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& tracked,
-                                    std::int64_t timestamp_ns) {
-  const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
-  if (gap_s > config_.restart_after_s) {
-    window_.clear(block_);
-    return start(pair, timestamp_ns);
-  }
-  return refuse(tracked, timestamp_ns,
-                explain_few_points(describe_picture(*pair.left), usual_sharpness_));
-}
-
-OdometryResult& StereoOdometry::record_lost(std::int64_t timestamp_ns, Reason reason) {
-  PairRecord& record = records_.emplace_back();
-  record.result.timestamp_ns = timestamp_ns;
-  record.result.reason = reason;
-  record.result.segment = segment_;
-  return record.result;
 }
 
 }  // namespace pilotage

@@ -83,6 +83,7 @@ class StereoOdometry {
   OdometryResult lose(const PyramidPair& pair, const Tracked& tracked, std::int64_t timestamp_ns);
   float gap_sigma_m(std::int64_t timestamp_ns) const;
   OdometryResult& record_lost(std::int64_t timestamp_ns, Reason reason);
+  bool right_disagrees(const Tracked& tracked) const;
   Reason examine(const PyramidPair& pair, const PyramidPair& exchanged,
                  const Tracked& tracked) const;
   OdometryResult report(const Tracked& tracked, bool is_keyframe, std::int64_t timestamp_ns,

@@ -149,9 +149,10 @@ BOOST_AUTO_TEST_CASE(what_slid_out_is_remembered_as_uncertainty_and_place) {
     normalised += error.dot(keyframe.covariance.ldlt().solve(error)) / runs;
   }
   BOOST_TEST(last > 2 * first);
-  // Chi-square of 60 degrees of freedom over 10, 99.9 %: 3.2 to 10.
-  BOOST_TEST(normalised > 3.0);
+  // Chi-square of 60 degrees of freedom over 10, 99.9 %: up to 10. It may be less than the 3.2 of
+  // the other end: errors are allowed for that sightings of a patch share, and these do not.
   BOOST_TEST(normalised < 10.5);
+  BOOST_TEST(normalised > 0.6);
 }
 
 }  // namespace pilotage
