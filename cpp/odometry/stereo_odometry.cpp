@@ -14,7 +14,7 @@ namespace pilotage {
 namespace {
 
 constexpr int left_levels = 4;
-constexpr int right_levels = 1;
+constexpr int right_levels = 2;
 /// Landmarks that probe the prediction before all others are looked for at full size only.
 constexpr int probes = 60;
 
