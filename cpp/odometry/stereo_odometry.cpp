@@ -17,6 +17,8 @@ constexpr int left_levels = 4;
 constexpr int right_levels = 2;
 /// Landmarks that probe the prediction before all others are looked for at full size only.
 constexpr int probes = 60;
+/// Of the last keyframe's points: when fewer are found, descriptors are asked too.
+constexpr double sparse_share = 0.15;
 
 void check_size(const ImageView& image, const RectifiedStereo& stereo, const char* side) {
   if (image.width == stereo.width_px && image.height == stereo.height_px) return;
@@ -161,9 +163,14 @@ StereoOdometry::Tracked StereoOdometry::find_pose(const PyramidPair& pair,
   Tracked tracked;
   if (window_.empty()) return tracked;
   if (lost_pairs_ == 0) tracked = follow(pair, predict(pair, timestamp_ns));
-  if (tracked.step.quality != PoseQuality::tracking) {
+  // A few points that agree after a wide step may agree by chance.
+  const auto is_sparse = [&] { return tracked.step.inliers < sparse_share * points_at_keyframe_; };
+  if (tracked.step.quality != PoseQuality::tracking || is_sparse()) {
     Tracked recovered = recover(pair);
     if (recovered.step.inliers > tracked.step.inliers) tracked = std::move(recovered);
+  }
+  if (tracked.step.quality == PoseQuality::tracking && is_sparse()) {
+    tracked.step.quality = PoseQuality::degraded;
   }
   return tracked;
 }

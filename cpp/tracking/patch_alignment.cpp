@@ -223,7 +223,6 @@ PatchAlignment align(const ImageView& image, const PatchTemplate& patch,
       // So near that the sums just taken hold there too.
       judge(patch, sums, result);
       result.converged = true;
-      if constexpr (in_row) result.below_px = -patch.hxx * sums.gy / (determinant * gain);
       return result;
     }
   }

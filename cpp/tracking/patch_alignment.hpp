@@ -33,8 +33,6 @@ struct PatchAlignment {
   float noise_grey =
       0;  ///< rms of what gain, offset and shift leave unexplained, in template greys
   bool converged = false;
-  /// In a row: how far below `pixel` it would fit best, from the gradients there.
-  float below_px = 0;
 };
 
 struct PatchAlignmentOptions {
