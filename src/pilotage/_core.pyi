@@ -914,6 +914,10 @@ class BundleResult:
         """1 when the sigmas given were right."""
 
     @property
+    def unit_variance(self) -> float:
+        """What pose_covariances are to be multiplied by, from the residuals."""
+
+    @property
     def normalised_residuals(self) -> NDArray[numpy.float32]:
         """(N,) length of each observation's residual in its sigmas."""
 
@@ -1000,7 +1004,7 @@ class OdometryConfig:
     @property
     def keyframe_overlap(self) -> object:
         """
-        a keyframe is made when fewer than this part of the aimed points are tracked
+        a keyframe is made when fewer than this part of the last one's points are tracked
         """
 
     @property
@@ -1016,10 +1020,6 @@ class OdometryConfig:
     @property
     def measurement_sigma_px(self) -> object:
         """standard error of a matched coordinate"""
-
-    @property
-    def smooth_images(self) -> object:
-        """smooth pictures before patches are compared"""
 
     @property
     def min_correlation(self) -> object:
