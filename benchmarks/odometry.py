@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import subprocess
 import sys
 import tempfile
@@ -94,7 +95,10 @@ def run_in_child(path: Path, system: str, pairs: DecodedPairs, scratch: Path) ->
     out = scratch / "run.npz"
     script = Path(__file__).with_name("run_system.py")
     command = [sys.executable, str(script), str(path), "--system", system]
-    subprocess.run([*command, "--pairs", str(pairs.path), "-o", str(out)], check=True)
+    # Threads of numpy's algebra spin for a while after their start, in either system's account.
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    arguments = ["--pairs", str(pairs.path), "-o", str(out)]
+    subprocess.run([*command, *arguments], check=True, env=environment)
     with np.load(out) as saved:
         return dict(saved)
 

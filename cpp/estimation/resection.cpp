@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Long: one adjustment, from the weights to the covariance, is one class.
 #include "estimation/resection.hpp"
 
 #include <Eigen/Cholesky>
