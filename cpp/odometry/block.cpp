@@ -11,7 +11,7 @@ void Block::set_pose(int keyframe, const Transform& world_from_left) {
 }
 
 void Block::add_point(const Landmark& landmark) {
-  if (landmark.sightings.size() < 2) return;
+  if (landmark.sightings.size() < 2 || offered_++ % keep_every_ != 0) return;
   const int point = static_cast<int>(points_.size());
   points_.push_back(landmark.point_in_world.cast<float>());
   greys_.push_back(landmark.grey);
@@ -19,6 +19,24 @@ void Block::add_point(const Landmark& landmark) {
     observations_.push_back({s.keyframe, point, s.left_px.x(), s.left_px.y(), s.right_x_px,
                              s.left_sigma_px, s.right_sigma_px});
   }
+  if (observations_.size() > max_observations) thin();
+}
+
+void Block::thin() {
+  keep_every_ *= 2;
+  std::size_t kept = 0;
+  for (const StereoObservation& seen : observations_) {
+    if (seen.point % 2 != 0) continue;
+    observations_[kept] = seen;
+    observations_[kept++].point /= 2;
+  }
+  observations_.resize(kept);
+  for (std::size_t i = 0; 2 * i < points_.size(); ++i) {
+    points_[i] = points_[2 * i];
+    greys_[i] = greys_[2 * i];
+  }
+  points_.resize((points_.size() + 1) / 2);
+  greys_.resize(points_.size());
 }
 
 BundleProblem Block::problem(const RectifiedStereo& stereo) const {

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import resource
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pilotage.behaviors.summary import Cost, name_of, settle, summarize
+from pilotage.behaviors.summary import Cost, name_of, peak_rss_mb, settle, summarize
 from pilotage.errors import InputError, RunError
 from pilotage.pose_files import PoseRecord
 from pilotage.recordings.recording import BadFrame, Recording, StereoFrame
@@ -124,7 +123,7 @@ class _Run:
             chosen=self.chosen,
             cost=cost,
             # Taken before the report is drawn: drawing needs more memory than tracking.
-            peak_rss_mb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            peak_rss_mb=peak_rss_mb(),
             error=error,
         )
         faults = []

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import resource
 import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,6 +92,19 @@ def summarize(  # noqa: PLR0913, all by name
         "calibration_check": describe_calibration(odometry.calibration_check()),
     }
     return {**summary, "warnings": warnings_of(summary)}
+
+
+def peak_rss_mb() -> float:
+    """Return the most memory this process has held, MB.
+
+    Linux' own figure for the process: `getrusage` begins with what the parent held when it forked.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        for line in status.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return float(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def settle(records: Sequence[PoseRecord], skipped: Sequence[BadFrame]) -> list[PoseRecord]:
