@@ -19,8 +19,10 @@ enum class EpipolarResidual {
 
 struct EpipolarOptions {
   EpipolarResidual residual = EpipolarResidual::sampson;
-  double threshold_px = 1.5;  ///< no match further from its epipolar line is ever kept
-  double rejection = 3.0;     ///< matches beyond this many sigma are blunders
+  /// Wide limits (chosen in benchmarks/blunders.py): the resection looks again at what is kept, but
+  /// does not take back what is lost here.
+  double threshold_px = 2.5;  ///< no match further from its epipolar line is ever kept
+  double rejection = 4.5;     ///< matches beyond this many sigma are blunders
   double min_sigma_px = 0.02;
   double confidence = 0.99;
   /// At least, whatever the inliers say: in forward motion an F that is wrong but close keeps most.

@@ -11,7 +11,9 @@ void Block::set_pose(int keyframe, const Transform& world_from_left) {
 }
 
 void Block::add_point(const Landmark& landmark) {
-  if (landmark.sightings.size() < 2 || offered_++ % keep_every_ != 0) return;
+  // A point seen once tells nothing of the poses; of a path of one keyframe it is all there is.
+  const std::size_t needed = poses_.size() > 1 ? 2 : 1;
+  if (landmark.sightings.size() < needed || offered_++ % keep_every_ != 0) return;
   const int point = static_cast<int>(points_.size());
   points_.push_back(landmark.point_in_world.cast<float>());
   greys_.push_back(landmark.grey);

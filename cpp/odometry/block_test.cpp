@@ -43,10 +43,14 @@ BOOST_AUTO_TEST_CASE(long_paths_stay_bounded_and_evenly_covered) {
   }
 }
 
-BOOST_AUTO_TEST_CASE(a_point_seen_once_is_of_no_use) {
+BOOST_AUTO_TEST_CASE(a_point_seen_once_counts_only_while_there_is_one_keyframe) {
   Landmark landmark = make_point(0);
   landmark.sightings.pop_back();
   Block block;
+  block.set_pose(0, {});
   block.add_point(landmark);
-  BOOST_TEST(block.observations() == 0);
+  BOOST_TEST(block.observations() == 1);
+  block.set_pose(1, {});
+  block.add_point(landmark);
+  BOOST_TEST(block.observations() == 1);
 }
