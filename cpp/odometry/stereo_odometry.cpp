@@ -17,6 +17,8 @@ constexpr int left_levels = 4;
 constexpr int right_levels = 2;
 /// Landmarks that probe the prediction before all others are looked for at full size only.
 constexpr int probes = 60;
+/// Level on which patches are first sought when the prediction proved bad.
+constexpr int coarsest_level = 2;
 /// Of the last keyframe's points: when fewer are found, descriptors are asked too.
 constexpr double sparse_share = 0.15;
 
@@ -208,11 +210,13 @@ StereoOdometry::Tracked StereoOdometry::follow(const PyramidPair& pair,
     return seen;
   };
   if (is_good) return track(refine_prediction(window_, found, stereo_, predicted, config_), 0);
-  tracked = track(predicted, 1);
-  if (tracked.step.quality == PoseQuality::lost) return tracked;
-  // Seen from the right place, patches look right, and more of them are found.
-  Tracked again = track(tracked.step.world_from_left, 0);
-  return again.step.inliers > tracked.step.inliers ? again : tracked;
+  tracked = track(predicted, coarsest_level);
+  // Seen from nearer the right place, patches look right, and more of them are found.
+  for (int level = coarsest_level; level > 0 && tracked.step.quality != PoseQuality::lost;) {
+    Tracked again = track(tracked.step.world_from_left, --level);
+    if (again.step.inliers > tracked.step.inliers) tracked = std::move(again);
+  }
+  return tracked;
 }
 
 StereoOdometry::Tracked StereoOdometry::recover(const PyramidPair& pair) {
