@@ -16,8 +16,8 @@ BundleProblem make_problem(int first, int second) {
   BundleProblem problem;
   for (int point = 0; point < 2; ++point) {
     for (int frame = 0; frame < (point == 0 ? first : second); ++frame) {
-      problem.observations.push_back({frame, point, 0, 0, 0, static_cast<float>(sigma_px),
-                                      static_cast<float>(sigma_px)});
+      problem.observations.push_back(
+          {frame, point, 0, 0, 0, static_cast<float>(sigma_px), static_cast<float>(sigma_px)});
     }
   }
   return problem;
