@@ -101,7 +101,10 @@ def metric_rows(metrics: Metrics) -> list[tuple[str, str]]:
     ]
     if metrics.consistency is not None:
         rows += [
-            ("NEES, mean (6 is right)", f"{metrics.consistency.mean_nees:.2f}"),
-            ("NEES within 99 %", f"{100 * metrics.consistency.share_within_99_percent:.1f} %"),
+            ("NEES, mean (6 if the truth is exact)", f"{metrics.consistency.mean_nees:.2f}"),
+            (
+                "NEES within 99 % (if the truth is exact)",
+                f"{100 * metrics.consistency.share_within_99_percent:.1f} %",
+            ),
         ]
     return [(name, value) for name, value in rows if not value.startswith("nan")]
