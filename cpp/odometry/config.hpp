@@ -17,7 +17,7 @@ enum class FrontEnd {
 /// Everything that can be set of the odometry; the only home of the defaults.
 struct OdometryConfig {
   FrontEnd front_end = FrontEnd::patch;
-  int points = 500;
+  int points = 400;
   int window_keyframes = 10;
   int adjust_every = 5;
   double keyframe_parallax_px = 30;
