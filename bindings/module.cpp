@@ -9,6 +9,7 @@ void bind_tracking(nanobind::module_& m);
 void bind_estimation(nanobind::module_& m);
 void bind_bundle_adjustment(nanobind::module_& m);
 void bind_odometry(nanobind::module_& m);
+void bind_rendering(nanobind::module_& m);
 
 }  // namespace pilotage
 
@@ -19,4 +20,5 @@ NB_MODULE(_core, m) {
   pilotage::bind_estimation(m);
   pilotage::bind_bundle_adjustment(m);
   pilotage::bind_odometry(m);
+  pilotage::bind_rendering(m);
 }

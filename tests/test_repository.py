@@ -37,6 +37,7 @@ CPP_USES = {
     "tracking": {"geometry"},
     "estimation": {"geometry"},
     "odometry": {"geometry", "tracking", "estimation"},
+    "rendering": {"geometry"},
 }
 PACKAGE_OF_MODULE = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
 

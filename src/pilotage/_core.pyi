@@ -1179,3 +1179,128 @@ class StereoOdometry:
 
     @property
     def adjustment_cpu_ms(self) -> float: ...
+
+class SurfaceLayer:
+    """One octave band of a surface's brightness."""
+
+    def __init__(self, *, exemplar: int, amplitude: float, texel_m: float, seed: int = 0) -> None:
+        """
+        exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres.
+        """
+
+class Material:
+    """How a shape looks: (albedo + layers) times colour."""
+
+    def __init__(
+        self,
+        *,
+        albedo: float = 0.5,
+        colour: Sequence[float] = [1.0, 1.0, 1.0],
+        layers: Sequence[SurfaceLayer] = [],
+        checker_m: float = 0.0,
+        dark_albedo: float = 0.05000000074505806,
+    ) -> None:
+        """
+        colour: red, green, blue factors; checker_m: side of squares, metres, 0 for none.
+        """
+
+class ShapeKind(enum.Enum):
+    """Shapes of MuJoCo's geoms."""
+
+    plane = 0
+
+    height_field = 1
+
+    sphere = 2
+
+    capsule = 3
+
+    ellipsoid = 4
+
+    cylinder = 5
+
+    box = 6
+
+    mesh = 7
+
+class Scene:
+    """What rendered cameras look at. Each add_ returns an index."""
+
+    def __init__(self) -> None: ...
+    def add_exemplar(
+        self,
+        values: Annotated[
+            NDArray[numpy.float32],
+            dict(shape=(None, None), order="C", device="cpu", writable=False),
+        ],
+    ) -> int:
+        """
+        A (side, side) float32 sample of a texture in [-1, 1] that wraps around.
+        """
+
+    def add_material(self, material: Material) -> int: ...
+    def add_height_field(
+        self,
+        *,
+        heights_m: Annotated[
+            NDArray[numpy.float32],
+            dict(shape=(None, None), order="C", device="cpu", writable=False),
+        ],
+        half_x_m: float,
+        half_y_m: float,
+    ) -> int:
+        """
+        Heights (rows, columns) float32, rows from -y, columns from -x, metres.
+        """
+
+    def add_mesh(
+        self,
+        *,
+        vertices_m: Annotated[
+            NDArray[numpy.float32], dict(shape=(None, 3), order="C", device="cpu", writable=False)
+        ],
+        faces: Annotated[
+            NDArray[numpy.int32], dict(shape=(None, 3), order="C", device="cpu", writable=False)
+        ],
+    ) -> int:
+        """Vertices (N, 3) float32, metres, and faces (M, 3) int32."""
+
+    def add_shape(
+        self,
+        *,
+        kind: ShapeKind,
+        size_m: Sequence[float],
+        material: int,
+        world_from_shape: Transform,
+        data: int = -1,
+    ) -> int:
+        """
+        Sizes as MuJoCo's geom; data: which height field or mesh. Throws ValueError.
+        """
+
+    def set_pose(self, shape: int, world_from_shape: Transform) -> None: ...
+    def set_light(
+        self, *, to_sun: Sequence[float], sun: float, sky: float, background: float
+    ) -> None:
+        """
+        Direction to the sun, and the radiance of a white surface by sun and by sky.
+        """
+
+class CameraRays:
+    """Rays of a camera's pixels through its lens model."""
+
+    def __init__(self, camera: Camera) -> None: ...
+
+def render(
+    scene: Scene,
+    camera: CameraRays,
+    *,
+    world_from_camera: Transform,
+    world_from_camera_last: Transform | None = None,
+    channels: int = 1,
+    threads: int = 1,
+    edge_samples: int = 32,
+) -> dict:
+    """
+    Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is exposed; the same place for a global shutter.
+    """

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <span>
+
+#include "numpy.hpp"
+#include "rendering/scene.hpp"
+#include "rendering/view.hpp"
+
+namespace pilotage {
+namespace {
+
+using namespace nb::literals;
+
+using Grid = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Vertices = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Faces = nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+
+int add_exemplar(Scene& scene, const Grid& values) {
+  if (values.shape(0) != values.shape(1)) throw std::invalid_argument("exemplar is not square");
+  return scene.add_exemplar(static_cast<int>(values.shape(0)), {values.data(), values.size()});
+}
+
+int add_height_field(Scene& scene, const Grid& heights_m, double half_x_m, double half_y_m) {
+  return scene.add_height_field(static_cast<int>(heights_m.shape(1)),
+                                static_cast<int>(heights_m.shape(0)), half_x_m, half_y_m,
+                                {heights_m.data(), heights_m.size()});
+}
+
+int add_mesh(Scene& scene, const Vertices& vertices, const Faces& faces) {
+  Triangles mesh;
+  for (std::size_t i = 0; i < vertices.shape(0); ++i) {
+    mesh.vertices.emplace_back(vertices(i, 0), vertices(i, 1), vertices(i, 2));
+  }
+  for (std::size_t i = 0; i < faces.shape(0); ++i) {
+    mesh.faces.emplace_back(faces(i, 0), faces(i, 1), faces(i, 2));
+  }
+  return scene.add_mesh(std::move(mesh));
+}
+
+int add_shape(Scene& scene, ShapeKind kind, const std::array<double, 3>& size_m, int material,
+              const Transform& world_from_shape, int data) {
+  return scene.add_shape({kind, Eigen::Vector3d(size_m.data()), material, data, world_from_shape});
+}
+
+void set_light(Scene& scene, const std::array<double, 3>& to_sun, float sun, float sky,
+               float background) {
+  const Eigen::Vector3d direction(to_sun.data());
+  if (!(direction.norm() > 0)) throw std::invalid_argument("to_sun has no length");
+  scene.light = {direction.normalized(), sun, sky, background};
+}
+
+nb::dict render_view(const Scene& scene, const CameraRays& camera,
+                     const Transform& world_from_camera,
+                     const std::optional<Transform>& world_from_camera_last, int channels,
+                     int threads, int edge_samples) {
+  Radiance seen;
+  {
+    nb::gil_scoped_release unlocked;
+    const ShutterPoses poses{world_from_camera, world_from_camera_last.value_or(world_from_camera)};
+    seen = render(scene, camera, poses, channels, {threads, edge_samples});
+  }
+  const std::vector<std::size_t> size{static_cast<std::size_t>(seen.height),
+                                      static_cast<std::size_t>(seen.width)};
+  std::vector<std::size_t> size_of_values = size;
+  if (channels == 3) size_of_values.push_back(3);
+  nb::dict result;
+  result["radiance"] = nb::cast(move_to_numpy<float>(std::move(seen.values), size_of_values));
+  result["depth_m"] = nb::cast(move_to_numpy<float>(std::move(seen.depth_m), size));
+  result["shape"] = nb::cast(move_to_numpy<std::int32_t>(std::move(seen.shape), size));
+  return result;
+}
+
+void bind_looks(nb::module_& m) {
+  nb::class_<SurfaceLayer>(m, "SurfaceLayer", "One octave band of a surface's brightness.")
+      .def(
+          "__init__",
+          [](SurfaceLayer* self, int exemplar, float amplitude, float texel_m, std::uint32_t seed) {
+            new (self) SurfaceLayer{exemplar, amplitude, texel_m, seed};
+          },
+          nb::kw_only(), "exemplar"_a, "amplitude"_a, "texel_m"_a, "seed"_a = 0,
+          "exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres.");
+  nb::class_<Material>(m, "Material", "How a shape looks: (albedo + layers) times colour.")
+      .def(
+          "__init__",
+          [](Material* self, float albedo, const std::array<float, 3>& colour,
+             std::vector<SurfaceLayer> layers, float checker_m, float dark_albedo) {
+            new (self) Material{Eigen::Vector3f(colour.data()), albedo, std::move(layers),
+                                checker_m, dark_albedo};
+          },
+          nb::kw_only(), "albedo"_a = 0.5f, "colour"_a = std::array<float, 3>{1, 1, 1},
+          "layers"_a = std::vector<SurfaceLayer>{}, "checker_m"_a = 0.0f, "dark_albedo"_a = 0.05f,
+          "colour: red, green, blue factors; checker_m: side of squares, metres, 0 for none.");
+}
+
+void bind_scene(nb::module_& m) {
+  nb::enum_<ShapeKind>(m, "ShapeKind", "Shapes of MuJoCo's geoms.")
+      .value("plane", ShapeKind::plane)
+      .value("height_field", ShapeKind::height_field)
+      .value("sphere", ShapeKind::sphere)
+      .value("capsule", ShapeKind::capsule)
+      .value("ellipsoid", ShapeKind::ellipsoid)
+      .value("cylinder", ShapeKind::cylinder)
+      .value("box", ShapeKind::box)
+      .value("mesh", ShapeKind::mesh);
+  nb::class_<Scene>(m, "Scene", "What rendered cameras look at. Each add_ returns an index.")
+      .def(nb::init<>())
+      .def("add_exemplar", &add_exemplar, "values"_a,
+           "A (side, side) float32 sample of a texture in [-1, 1] that wraps around.")
+      .def("add_material", &Scene::add_material, "material"_a)
+      .def("add_height_field", &add_height_field, nb::kw_only(), "heights_m"_a, "half_x_m"_a,
+           "half_y_m"_a, "Heights (rows, columns) float32, rows from -y, columns from -x, metres.")
+      .def("add_mesh", &add_mesh, nb::kw_only(), "vertices_m"_a, "faces"_a,
+           "Vertices (N, 3) float32, metres, and faces (M, 3) int32.")
+      .def("add_shape", &add_shape, nb::kw_only(), "kind"_a, "size_m"_a, "material"_a,
+           "world_from_shape"_a, "data"_a = -1,
+           "Sizes as MuJoCo's geom; data: which height field or mesh. Throws ValueError.")
+      .def("set_pose", &Scene::set_pose, "shape"_a, "world_from_shape"_a)
+      .def("set_light", &set_light, nb::kw_only(), "to_sun"_a, "sun"_a, "sky"_a, "background"_a,
+           "Direction to the sun, and the radiance of a white surface by sun and by sky.");
+}
+
+}  // namespace
+
+void bind_rendering(nb::module_& m) {
+  bind_looks(m);
+  bind_scene(m);
+  nb::class_<CameraRays>(m, "CameraRays", "Rays of a camera's pixels through its lens model.")
+      .def(nb::init<const Camera&>(), "camera"_a);
+  m.def("render", &render_view, "scene"_a, "camera"_a, nb::kw_only(), "world_from_camera"_a,
+        "world_from_camera_last"_a = nb::none(), "channels"_a = 1, "threads"_a = 1,
+        "edge_samples"_a = 32,
+        "Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and "
+        "shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is "
+        "exposed; the same place for a global shutter.");
+}
+
+}  // namespace pilotage

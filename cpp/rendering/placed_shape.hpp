@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "rendering/lanes.hpp"
+#include "rendering/scene.hpp"
+
+namespace pilotage {
+
+/// Rays of a group of pixels: point = origin + t * direction, relative to the view's centre along
+/// the world's axes, so that single precision is enough however large the world is.
+struct Rays {
+  lanes::Vectors origin, direction;
+};
+
+/// A shape as one view sees it.
+struct PlacedShape {
+  ShapeKind kind = ShapeKind::sphere;
+  int index = 0;
+  int material = 0;
+  float shape_from_world[9] = {};  ///< rotation, row by row
+  float centre[3] = {};            ///< relative to the view's centre
+  float size[3] = {};
+  float radius = 0;
+  const HeightField* height_field = nullptr;
+  const Triangles* mesh = nullptr;
+};
+
+PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_centre);
+
+}  // namespace pilotage

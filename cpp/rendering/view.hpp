@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "geometry/camera.hpp"
+#include "rendering/scene.hpp"
+
+namespace pilotage {
+
+/// Unit rays of a camera's pixels, through the very lens model that the odometry uses; with a
+/// border of one pixel, so that each pixel knows how its ray changes.
+class CameraRays {
+ public:
+  explicit CameraRays(const Camera& camera);
+  int width() const { return width_; }
+  int height() const { return height_; }
+  /// Pixels -1 to width and -1 to height; NaN where the lens model has no inverse.
+  const float* x(int row) const { return x_.data() + offset(row); }
+  const float* y(int row) const { return y_.data() + offset(row); }
+  const float* z(int row) const { return z_.data() + offset(row); }
+
+ private:
+  std::ptrdiff_t offset(int row) const { return (row + 1) * stride_ + 1; }
+
+  int width_, height_;
+  std::ptrdiff_t stride_;
+  std::vector<float> x_, y_, z_;
+};
+
+/// Where the camera was while the first and while the last row were exposed: equal for a global
+/// shutter.
+struct ShutterPoses {
+  Transform world_from_camera_first;
+  Transform world_from_camera_last;
+};
+
+struct RenderOptions {
+  int threads = 1;
+  /// Samples of a pixel on an edge: 1 or a multiple of 16.
+  int edge_samples = 32;
+};
+
+/// Radiance that reaches each pixel: row by row, `channels` (1: grey, 3: red, green, blue)
+/// together.
+struct Radiance {
+  int width = 0, height = 0, channels = 1;
+  std::vector<float> values;
+  std::vector<float> depth_m;       ///< along the camera's z; 0 where nothing is hit
+  std::vector<std::int32_t> shape;  ///< index; -1 where nothing is hit
+};
+
+/// Casts a ray through the middle of each pixel, and more where its neighbours hit something else.
+/// The result does not depend on the number of threads.
+Radiance render(const Scene& scene, const CameraRays& camera, const ShutterPoses& poses,
+                int channels, const RenderOptions& options);
+
+}  // namespace pilotage
