@@ -58,7 +58,7 @@ class Layout:
             x, y = away * math.cos(angle), away * math.sin(angle)
             if self._is_free(x, y, radius_m):
                 return self.take(x, y, radius_m)
-        raise InputError("the marks find no room; raise size_m, or lower clear_radius_m")
+        raise InputError("the marks find no room; raise size_m, or lower path_clear_m")
 
     def _is_free(self, x_m: float, y_m: float, radius_m: float) -> bool:
         inside = max(abs(x_m - self.centre_m[0]), abs(y_m - self.centre_m[1])) + radius_m

@@ -44,10 +44,13 @@ def build_yard(scene: Scene, options: YardOptions) -> None:
     scene.start(0, 0, 0)
     relief = make_relief(rng, layout.centre_m, layout.half_m, options.relief_m)
     places = {}
-    for letter, low_m, high_m in (("a", 2.5, 6.0), ("b", 6.0, 0.9 * layout.half_m + 6.0)):
+    far_m = min(6.0, 0.6 * layout.half_m)
+    for letter, low_m, high_m in (("a", 2.5, 6.0), ("b", far_m, far_m + layout.half_m)):
         spot = layout.place_between(rng, MARK_CLEAR_M, low_m, high_m)
         relief = relief.level_around(spot.x_m, spot.y_m, 0.6)
         places[letter] = spot
+    # Marks may lie where it is to stay clear, for they are flat; objects may not.
+    layout.take(0, 0, options.clear_radius_m)
     _add_ground(scene, kind, relief)
     for letter, spot in places.items():
         height_m = relief.height_m(spot.x_m, spot.y_m)
@@ -67,9 +70,7 @@ def _layout(options: YardOptions) -> Layout:
         )
     centre_m = (float(middle[0]), float(middle[1]))
     # Every tenth point: a quarter of a metre apart is fine enough to keep a corridor free.
-    layout = Layout(centre_m, half_m, path.points[::10], options.path_clear_m)
-    layout.take(0, 0, options.clear_radius_m)
-    return layout
+    return Layout(centre_m, half_m, path.points[::10], options.path_clear_m)
 
 
 def _add_ground(scene: Scene, kind: str, relief: Relief) -> None:
