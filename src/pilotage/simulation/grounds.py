@@ -21,7 +21,8 @@ class Ground:
         """Return the geom's attributes; its priority makes them those of every contact."""
         return {
             "priority": 1,
-            "condim": 6,
+            # MuJoCo's contacts of six dimensions resist rolling, those of three do not.
+            "condim": 6 if self.rolling_m > 0 else 3,
             "friction": [self.friction, 0.005, self.rolling_m],
             "solref": [0.01, 1],
             "solimp": [self.firmness, min(0.99, self.firmness + 0.05), 0.002],
@@ -29,13 +30,13 @@ class Ground:
 
 
 GROUNDS = {
-    "asphalt": Ground(friction=0.90, firmness=0.92, rolling_m=0.001),
+    "asphalt": Ground(friction=0.90, firmness=0.92, rolling_m=0.0),
     "grass": Ground(friction=0.60, firmness=0.80, rolling_m=0.004),
     "gravel": Ground(friction=0.60, firmness=0.75, rolling_m=0.004),
     "soil": Ground(friction=0.70, firmness=0.82, rolling_m=0.003),
     "sand": Ground(friction=0.50, firmness=0.65, rolling_m=0.008),
 }
 FLOORS = {
-    "carpet": Ground(friction=0.80, firmness=0.88, rolling_m=0.002),
-    "wood": Ground(friction=0.60, firmness=0.94, rolling_m=0.001),
+    "carpet": Ground(friction=0.80, firmness=0.88, rolling_m=0.0),
+    "wood": Ground(friction=0.60, firmness=0.94, rolling_m=0.0),
 }
