@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +12,7 @@ from pilotage.robots.robot import HeadAngles, RobotState, Velocity
 from pilotage.simulation.body import REST, Motion
 from pilotage.simulation.nao import Nao
 from pilotage.simulation.physics import Simulation
+from pilotage.simulation.scene import yaw_quaternion
 
 
 class SimulatedRobot:
@@ -60,7 +60,6 @@ class SimulatedRobot:
         simulation = self._opened()
         body = simulation.body
         x_m, y_m, yaw_rad = body.odometry
-        turn = [math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)]
         head, posture = (body.head, body.posture) if isinstance(body, Nao) else (None, None)
         return RobotState(
             timestamp_ns=simulation.time_ns,
@@ -68,7 +67,9 @@ class SimulatedRobot:
             angular_rad_s=body.motion.angular_rad_s,
             lateral_m_s=body.motion.lateral_m_s,
             is_moving=max(map(abs, body.motion)) > 1e-3,
-            odometry_from_robot=Transform(translation_m=[x_m, y_m, 0.0], quaternion_wxyz=turn),
+            odometry_from_robot=Transform(
+                translation_m=[x_m, y_m, 0.0], quaternion_wxyz=yaw_quaternion(yaw_rad)
+            ),
             battery=max(0.0, 1 - body.energy_j / body.capacity_j),
             head=head,
             posture=posture,

@@ -34,6 +34,11 @@ class Motion(NamedTuple):
     lateral_m_s: float
     angular_rad_s: float
 
+    def within(self, limits: Motion) -> Motion:
+        """Return the motion with each part cut to what `limits` allow either way."""
+        pairs = zip(self, limits, strict=True)
+        return Motion(*(min(max(float(part), -limit), limit) for part, limit in pairs))
+
 
 REST = Motion(0.0, 0.0, 0.0)
 

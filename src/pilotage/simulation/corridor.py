@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,7 +105,7 @@ def _furnish(scene: Scene, wall: Wall, number: int) -> None:
 
 
 def _add_ceilings(scene: Scene, middle: Points, width_m: float) -> None:
-    for number, (begin, end) in enumerate(zip(middle, middle[1:], strict=False)):
+    for number, (begin, end) in enumerate(itertools.pairwise(middle)):
         half = np.abs(end - begin) / 2 + width_m / 2
         add_ceiling(scene, (begin + end) / 2, half)
         length = float(np.linalg.norm(end - begin))

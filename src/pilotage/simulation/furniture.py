@@ -38,13 +38,13 @@ def add_shelf(scene: Scene, wall: Wall, along_m: float) -> None:
     for level in range(6):
         base = 0.02 + level * 0.375
         part.geom("box", [width / 2, depth / 2, 0.012], [along_m, depth / 2, base], wood)
-        at = along_m - width / 2 + 0.02
-        while level < 5 and at < along_m + width / 2 - 0.08:
+        book_m = along_m - width / 2 + 0.02
+        while level < 5 and book_m < along_m + width / 2 - 0.08:
             thick, tall = rng.uniform(0.015, 0.04), rng.uniform(0.2, 0.32)
             paint = scene.paint(f"book_{rng.integers(24)}", rng.uniform(0.08, 0.85, 3).tolist())
-            middle = [at + thick, 0.17, base + 0.012 + tall / 2]
+            middle = [book_m + thick, 0.17, base + 0.012 + tall / 2]
             part.geom("box", [thick, 0.11, tall / 2], middle, paint, solid=False)
-            at += 2 * thick + (rng.uniform(0.05, 0.2) if rng.random() < 0.15 else 0.002)
+            book_m += 2 * thick + (rng.uniform(0.05, 0.2) if rng.random() < 0.15 else 0.002)
 
 
 def add_cabinet(scene: Scene, wall: Wall, along_m: float) -> None:

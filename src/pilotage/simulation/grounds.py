@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Ground:
     firmness: float
     rolling_m: float
 
-    def attributes(self) -> dict[str, object]:
+    def attributes(self) -> dict[str, Any]:
         """Return the geom's attributes; its priority makes them those of every contact."""
         return {
             "priority": 1,
@@ -31,10 +32,10 @@ class Ground:
 
 GROUNDS = {
     "asphalt": Ground(friction=0.90, firmness=0.92, rolling_m=0.0),
-    "grass": Ground(friction=0.60, firmness=0.80, rolling_m=0.004),
-    "gravel": Ground(friction=0.60, firmness=0.75, rolling_m=0.004),
-    "soil": Ground(friction=0.70, firmness=0.82, rolling_m=0.003),
-    "sand": Ground(friction=0.50, firmness=0.65, rolling_m=0.008),
+    "grass": Ground(friction=0.60, firmness=0.75, rolling_m=0.007),
+    "gravel": Ground(friction=0.60, firmness=0.7, rolling_m=0.008),
+    "soil": Ground(friction=0.70, firmness=0.8, rolling_m=0.005),
+    "sand": Ground(friction=0.50, firmness=0.45, rolling_m=0.015),
 }
 FLOORS = {
     "carpet": Ground(friction=0.80, firmness=0.88, rolling_m=0.0),

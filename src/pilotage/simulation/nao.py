@@ -27,6 +27,7 @@ from pilotage.simulation.gait import Gait
 from pilotage.simulation.odometry import advanced
 from pilotage.simulation.optics import camera_element
 from pilotage.simulation.options import unknown
+from pilotage.simulation.scene import yaw_quaternion
 from pilotage.simulation.sight import free_m, height_below_m
 
 FOVY_RAD = math.radians(FIELD_OF_VIEW_DEG[1])
@@ -91,10 +92,7 @@ class Nao:
 
     def command(self, motion: Motion, until_ns: int) -> Motion:
         """Walk so until then; a Nao that does not stand stays where it is."""
-        pairs = zip(motion, LIMITS, strict=True)
-        self._wanted = Motion(*(float(np.clip(m, -x, x)) for m, x in pairs))
-        if self.posture != "stand":
-            self._wanted = REST
+        self._wanted = motion.within(LIMITS) if self.posture == "stand" else REST
         self._until_ns = until_ns
         return self._wanted
 
@@ -166,8 +164,7 @@ class Nao:
         ground, torso = self._mocaps
         place = Transform(
             translation_m=[self._place.x_m, self._place.y_m, self._height_m],
-            quaternion_wxyz=[math.cos(self._place.yaw_rad / 2), 0, 0]
-            + [math.sin(self._place.yaw_rad / 2)],
+            quaternion_wxyz=yaw_quaternion(self._place.yaw_rad),
         )
         upright = Transform(translation_m=[0.0, 0.0, self._torso_m])
         shaken = place @ self._gait.sway() @ upright

@@ -53,7 +53,7 @@ def build_office(scene: Scene, options: OfficeOptions) -> None:
     scene.start(0, 0, 0)
     add_floor(scene, options.floor)
     low = np.array([-BEHIND_M, -options.width_m / 2])
-    high = low + [options.length_m, options.width_m]
+    high = low + np.array([options.length_m, options.width_m])
     corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
     for number in range(4):
         wall = add_wall(scene, f"wall_{number}", corners[number], corners[(number + 1) % 4])
@@ -61,7 +61,7 @@ def build_office(scene: Scene, options: OfficeOptions) -> None:
     middle, half = (low + high) / 2, (high - low) / 2
     add_ceiling(scene, middle, half)
     for number, share in enumerate((-0.5, 0.5)):
-        add_lamp(scene, f"lamp_{number}", middle + [share * half[0], 0.0])
+        add_lamp(scene, f"lamp_{number}", middle + np.array([share * half[0], 0.0]))
     table = (float(high[0]) - DEEPEST_M - LOOP_M - 0.35, float(scene.rng.uniform(-0.3, 0.3)))
     add_round_table(scene, *table)
     _add_person(scene, options, table)

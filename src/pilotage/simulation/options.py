@@ -6,7 +6,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from pilotage.errors import InputError
@@ -35,7 +35,7 @@ def read_options(kind: type[Options], values: Mapping[str, object], where: str) 
     return kind(**read)
 
 
-def unknown(name: str, known: Sequence[str] | Mapping[str, object]) -> str:
+def unknown(name: str, known: Collection[str]) -> str:
     """Return the end of a message about a name that is none of `known`."""
     if not known:
         return "is unknown; there are none here"
@@ -57,7 +57,7 @@ def _check(where: str, value: object, field: dataclasses.Field[Any]) -> object:
         return value
     number = _as_number(value)
     whole = isinstance(field.default, int)
-    if number is None or not limits["low"] <= number <= limits["high"] or whole and number % 1:
+    if number is None or not limits["low"] <= number <= limits["high"] or (whole and number % 1):
         kind = "a whole number" if whole else "a number"
         raise InputError(f"{where} = {value!r}: must be {kind} {_range(limits)}")
     return int(number) if whole else number

@@ -34,7 +34,7 @@ class Path:
 
     def centre(self) -> Points:
         """Return the middle (2,) of the box around the path."""
-        return (self.points.min(axis=0) + self.points.max(axis=0)) / 2
+        return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
 
 
 def parse_path(name: str) -> Path:

@@ -59,7 +59,8 @@ class Simulation:
         self.data: Any = mujoco.MjData(self.model)
         self._mocap = [self._mocap_of(walk) for walk in self._walks]
         self._robot = self.model.body(f"{PREFIX}robot").id
-        self._mounts = [self._robot, *sorted({int(i) for i in self.model.cam_bodyid})]
+        mounts = sorted({int(i) for i in self.model.cam_bodyid})
+        self._mounts = np.array([self._robot, *mounts])
         self._history = PoseHistory(len(self._mounts), REMEMBERED_STEPS, STEP_NS)
         self._time_ns = 0
         self._begin(seed)
@@ -95,7 +96,7 @@ class Simulation:
         if name not in self.camera_names:
             raise InputError(f"camera {name!r} {unknown(name, self.camera_names)}")
         camera = self.camera_names.index(name)
-        mount = self._mounts.index(int(self.model.cam_bodyid[camera]))
+        mount = 1 + list(self._mounts[1:]).index(self.model.cam_bodyid[camera])
         body_from_mujoco = Transform(
             translation_m=self.model.cam_pos[camera], quaternion_wxyz=self.model.cam_quat[camera]
         )

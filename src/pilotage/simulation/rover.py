@@ -8,6 +8,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pilotage import Transform
 from pilotage.simulation.body import PREFIX, REST, Motion, Pose2
@@ -32,6 +33,7 @@ IDLE_W, MOTOR_EFFICIENCY = 6.0, 0.6
 # Friction of sliding tracks yields a little, which keeps turning smooth; parked tracks must
 # not creep down a slope, so their friction is stiff (MuJoCo's impratio).
 IMPRATIO_ROLLING, IMPRATIO_PARKED = 0.1, 20.0
+BEARING_N_M_S, BRAKE_N_M_S = 0.01, 200.0
 PARKED_RAD_S = 0.02
 _WHEEL_PRIORITY = 2  # above the ground's, while a fault takes the grip away
 
@@ -75,10 +77,12 @@ class Rover:
         self._model, self._data = model, data
         self._robot = model.body(f"{PREFIX}robot").id
         names = [[f"{PREFIX}{side}_{i}" for i in range(len(WHEEL_X_M))] for side in _SIDES]
-        self._motors = [[model.actuator(n).id for n in side] for side in names]
-        self._wheels = [[model.geom(n).id for n in side] for side in names]
-        self._spins = [[model.joint(n).dofadr[0] for n in side] for side in names]
+        # Left before right: (2, wheels of a side).
+        self._motors = np.array([[model.actuator(n).id for n in side] for side in names])
+        self._wheels = np.array([[model.geom(n).id for n in side] for side in names])
+        self._spins = np.array([[model.joint(n).dofadr[0] for n in side] for side in names])
         self._grip = (1.0, 1.0)
+        self._park(True)
         pose = model.body(f"{PREFIX}robot").jntadr[0]
         address = model.jnt_qposadr[pose]
         data.qpos[address : address + 3] = start.translation_m
@@ -86,7 +90,7 @@ class Rover:
 
     def command(self, motion: Motion, until_ns: int) -> Motion:
         """Strive for `motion` until then; it cannot move sideways."""
-        self._wanted = Motion(*(float(np.clip(m, -x, x)) for m, x in zip(motion, LIMITS)))
+        self._wanted = motion.within(LIMITS)
         self._until_ns = until_ns
         return self._wanted
 
@@ -94,29 +98,38 @@ class Rover:
         """Give the motors their speeds, and the faults their way."""
         wanted = self._wanted if time_ns < self._until_ns else REST
         half_turn = wanted.angular_rad_s * TRACK_GAUGE_M / 2
-        speeds = (wanted.linear_m_s - half_turn, wanted.linear_m_s + half_turn)
-        for motors, speed, left in zip(self._motors, speeds, acting.speed, strict=True):
-            self._data.ctrl[motors] = speed * left / WHEEL_RADIUS_M
+        speeds = np.array([wanted.linear_m_s - half_turn, wanted.linear_m_s + half_turn])
+        self._data.ctrl[self._motors] = (speeds * acting.speed / WHEEL_RADIUS_M)[:, None]
+        for motors, left in zip(self._motors, acting.speed, strict=True):
             if left == 0:  # a blocked track stops at once
                 self._data.act[self._model.actuator_actadr[motors]] = 0
         if acting.grip != self._grip:
             self._set_grip(acting.grip)
         rotation = self._data.xmat[self._robot].reshape(3, 3)
-        self._data.xfrc_applied[self._robot, :3] = rotation @ (*acting.push_n, 0.0)
-        spinning = np.abs(self._data.qvel[self._spins]).max() > PARKED_RAD_S
-        moving = spinning or wanted != REST
-        self._model.opt.impratio = IMPRATIO_ROLLING if moving else IMPRATIO_PARKED
+        self._data.xfrc_applied[self._robot, :3] = rotation[:, :2] @ acting.push_n
+        is_moving = wanted != REST or bool(self._spinning().max() > PARKED_RAD_S)
+        if is_moving == self._is_parked:
+            self._park(not is_moving)
 
     def after_step(self, time_ns: int) -> None:
         """Count the tracks' turns, as encoders would, and the energy spent."""
         del time_ns
         step_s = self._model.opt.timestep
         spins = self._data.qvel[self._spins]
-        left, right = spins.mean(axis=1) * WHEEL_RADIUS_M
+        left, right = (spins.sum(axis=1) * (WHEEL_RADIUS_M / len(WHEEL_X_M))).tolist()
         self.motion = Motion((left + right) / 2, 0.0, (right - left) / TRACK_GAUGE_M)
         self.odometry = advanced(self.odometry, self.motion, step_s)
         work_w = np.abs(self._data.actuator_force[self._motors] * spins).sum() / MOTOR_EFFICIENCY
         self.energy_j += (IDLE_W + float(work_w)) * step_s
+
+    def _spinning(self) -> NDArray[np.float64]:
+        return np.asarray(np.abs(self._data.qvel[self._spins]))
+
+    def _park(self, is_parked: bool) -> None:
+        """Hold the tracks and stiffen their friction, or let go."""
+        self._is_parked = is_parked
+        self._model.opt.impratio = IMPRATIO_PARKED if is_parked else IMPRATIO_ROLLING
+        self._model.dof_damping[self._spins] = BRAKE_N_M_S if is_parked else BEARING_N_M_S
 
     def _set_grip(self, grip: tuple[float, float]) -> None:
         """Let the wheels' own friction rule where grip is lost, the ground's elsewhere."""
@@ -142,7 +155,7 @@ def _wheel(side: str, number: int, x_m: float, y_m: float) -> str:
     return (
         f'<body name="{name}" pos="{x_m} {y_m} {WHEEL_RADIUS_M}">'
         f'<joint type="slide" axis="0 0 1" stiffness="5000" damping="60" springref="-0.0026"/>'
-        f'<joint name="{name}" axis="0 1 0" armature="0.01" damping="0.01"/>'
+        f'<joint name="{name}" axis="0 1 0" armature="0.01" damping="{BEARING_N_M_S}"/>'
         f'<geom name="{name}" class="wheel"/></body>'
     )
 
@@ -154,7 +167,8 @@ def _motor(name: str) -> str:
     )
 
 
-# Robot geoms touch the world (contype 1) and never each other.
+# Robot geoms touch the world (contype 1) and never each other. The battery at the rear balances
+# the mast, so that the rover stands level.
 _BODY = """
 <mujoco model="rover">
  <compiler angle="radian"/>
@@ -171,7 +185,8 @@ _BODY = """
  <worldbody>
   <body name="robot">
    <freejoint/>
-   <geom name="chassis" class="plate" size="0.25 0.11 0.05" pos="0 0 0.13" mass="7.6"/>
+   <geom name="chassis" class="plate" size="0.25 0.11 0.04" pos="0 0 0.12" mass="4.0"/>
+   <geom name="battery" class="plate" size="0.07 0.08 0.02" pos="-0.155 0 0.18" mass="3.6"/>
    <geom name="mast" class="plate" size="0.015 0.015 0.22" pos="0.2 0 0.4" mass="0.7"/>
    <geom name="arm" class="plate" size="0.17 0.012 0.012" pos="0.36 0 0.63" mass="0.4"/>
    <geom name="front_cameras" class="plate" size="0.012 0.045 0.012"

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import cos, sin
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 # Grey-world colours for tools that know nothing of procedural surfaces.
 SURFACES: dict[str, tuple[float, float, float]] = {
@@ -28,7 +30,7 @@ SURFACE_PREFIX = "surface:"
 START = "start"  # numeric: x (m), y (m), yaw (rad) of the robot
 WALK_PREFIX = "walk:"
 
-Vector = Sequence[float]
+Vector = Sequence[float] | NDArray[np.float64]
 
 
 class Scene:
@@ -42,6 +44,7 @@ class Scene:
         self._custom = ElementTree.SubElement(self._root, "custom")
         self._asset = ElementTree.SubElement(self._root, "asset")
         self._world = ElementTree.SubElement(self._root, "worldbody")
+        self.ground = Part(self._world)
         self._materials: set[str] = set()
 
     def surface(self, kind: str, *, name: str | None = None, scale: float = 1.0) -> str:
@@ -57,43 +60,25 @@ class Scene:
         """Return the name of a matt material of one colour, `rgb` each 0 to 1."""
         if name not in self._materials:
             self._materials.add(name)
-            self._add(self._asset, "material", name=name, rgba=[*rgb, 1.0], specular=0.05)
+            _add(self._asset, "material", name=name, rgba=[*rgb, 1.0], specular=0.05)
         return name
 
     def note(self, name: str, text: str) -> None:
         """Add a custom text, which other tools ignore."""
-        self._add(self._custom, "text", name=name, data=text)
+        _add(self._custom, "text", name=name, data=text)
 
     def start(self, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Say where the robot begins."""
-        self._add(self._custom, "numeric", name=START, data=[x_m, y_m, yaw_rad])
-
-    def geom(
-        self,
-        kind: str,
-        size: Vector,
-        position: Vector,
-        material: str,
-        *,
-        body: ElementTree.Element | None = None,
-        solid: bool = True,
-        **attributes: object,
-    ) -> None:
-        """Add a geom; one that is not `solid` is seen and nothing else."""
-        if not solid:
-            attributes |= {"contype": 0, "conaffinity": 0}
-        parent = self._world if body is None else body
-        attributes |= {"size": size, "pos": position, "material": material}
-        self._add(parent, "geom", type=kind, **attributes)
+        _add(self._custom, "numeric", name=START, data=[x_m, y_m, yaw_rad])
 
     def body(self, name: str, position: Vector, yaw_rad: float = 0, *, mocap: bool = False) -> Part:
         """Add a body to the world, still or (`mocap`) moved by the clock, and return it."""
-        attributes: dict[str, object] = {"pos": position, "quat": yaw_quaternion(yaw_rad)}
+        attributes: dict[str, Any] = {"pos": position, "quat": yaw_quaternion(yaw_rad)}
         if mocap:
             attributes["mocap"] = "true"
-        return Part(self, self._add(self._world, "body", name=name, **attributes))
+        return Part(_add(self._world, "body", name=name, **attributes))
 
-    def height_field(self, name: str, size: Vector, elevation: np.ndarray) -> None:
+    def height_field(self, name: str, size: Vector, elevation: NDArray[np.float64]) -> None:
         """Add the asset: half extents, height and depth (m); `elevation` (rows, columns) 0 to 1.
 
         Its first row lies at the smallest y.
@@ -101,7 +86,7 @@ class Scene:
         rows, columns = elevation.shape
         # MJCF gives the rows of a height field from the largest y down.
         values = " ".join(f"{v:.4f}" for v in elevation[::-1].ravel())
-        self._add(
+        _add(
             self._asset,
             "hfield",
             name=name,
@@ -119,7 +104,7 @@ class Scene:
             -level * sin(azimuth_rad),
             -sin(elevation_rad),
         ]
-        self._add(
+        _add(
             self._world,
             "light",
             name="sun",
@@ -130,7 +115,7 @@ class Scene:
             castshadow="true",
         )
         self._headlight(0.35)
-        self._add(
+        _add(
             self._asset,
             "texture",
             name="sky",
@@ -146,7 +131,7 @@ class Scene:
         """Add a lamp under a ceiling and, with the first, the light the walls throw back."""
         if self._visual.find("headlight") is None:
             self._headlight(0.45)
-        self._add(
+        _add(
             self._world,
             "light",
             name=name,
@@ -164,7 +149,7 @@ class Scene:
         return ElementTree.tostring(self._root, encoding="unicode") + "\n"
 
     def _headlight(self, ambient: float) -> None:
-        self._add(
+        _add(
             self._visual,
             "headlight",
             ambient=[ambient] * 3,
@@ -172,32 +157,38 @@ class Scene:
             specular=[0, 0, 0],
         )
 
-    @staticmethod
-    def _add(parent: ElementTree.Element, tag: str, **attributes: object) -> ElementTree.Element:
-        texts = {key: _text(value) for key, value in attributes.items()}
-        return ElementTree.SubElement(parent, tag, texts)
-
 
 class Part:
-    """A body of the scene, whose geoms are given in its own frame."""
+    """The world or a body in it, whose geoms are given in its own frame."""
 
-    def __init__(self, scene: Scene, element: ElementTree.Element) -> None:
-        self._scene = scene
+    def __init__(self, element: ElementTree.Element) -> None:
         self._element = element
 
     def geom(
-        self, kind: str, size: Vector, position: Vector, material: str, **attributes: object
+        self,
+        kind: str,
+        size: Vector,
+        position: Vector,
+        material: str,
+        *,
+        solid: bool = True,
+        **attributes: Any,
     ) -> None:
-        """Add a geom as `Scene.geom` does."""
-        solid = bool(attributes.pop("solid", True))
-        self._scene.geom(
-            kind, size, position, material, body=self._element, solid=solid, **attributes
-        )
+        """Add a geom; one that is not `solid` is seen and nothing else."""
+        if not solid:
+            attributes |= {"contype": 0, "conaffinity": 0}
+        attributes |= {"size": size, "pos": position, "material": material}
+        _add(self._element, "geom", type=kind, **attributes)
 
 
 def yaw_quaternion(yaw_rad: float) -> list[float]:
     """Return the quaternion wxyz of a turn about z."""
     return [cos(yaw_rad / 2), 0.0, 0.0, sin(yaw_rad / 2)]
+
+
+def _add(parent: ElementTree.Element, tag: str, **attributes: Any) -> ElementTree.Element:
+    texts = {key: _text(value) for key, value in attributes.items()}
+    return ElementTree.SubElement(parent, tag, texts)
 
 
 def _text(value: object) -> str:
