@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from pilotage import Transform
-from pilotage.errors import InputError
+from pilotage.errors import InputError, RunError
 from pilotage.simulation import Drive, Fault, Motion, Simulation, load_world, read_faults
 from pilotage.simulation.drives import LIFETIME_NS
 from pilotage.simulation.rover import FORWARD_PITCH_RAD, STEREO_BASE_M
@@ -57,7 +57,7 @@ def test_rover_turns_less_than_its_tracks_and_its_odometry_does_not_notice():
         assert np.linalg.norm(way.translation_m) < 0.1
         assert simulation.body.odometry.yaw_rad == pytest.approx(0.6 * 3.85, rel=0.07)
         ratios.append(yaw(way) / simulation.body.odometry.yaw_rad)
-    assert 0.6 < ratios[1] < ratios[0] - 0.02 < 0.88
+    assert 0.6 < ratios[1] < ratios[0] - 0.01 < 0.88
 
 
 def test_rover_slips_more_on_sand_than_on_asphalt():
@@ -66,7 +66,8 @@ def test_rover_slips_more_on_sand_than_on_asphalt():
         simulation = rover(ground=ground)
         way = moved(simulation, Motion(0.4, 0, 0), 4)
         slips.append(1 - way.translation_m[0] / simulation.body.odometry.x_m)
-    assert 0 <= slips[0] < 0.005 < slips[1] < 0.05
+    assert abs(slips[0]) < 0.004
+    assert 0.01 < slips[1] < 0.05
 
 
 def test_rover_stands_still_on_a_slope():
@@ -96,7 +97,7 @@ def test_closed_paths_return(path: str):
     drive = Drive(simulation, path, speed_m_s=0.4)
     started = time.process_time()
     assert drive.run()
-    assert np.linalg.norm(simulation.robot_pose().translation_m[:2]) < 0.03
+    assert np.linalg.norm(simulation.robot_pose().translation_m[:2]) < 0.04
     assert drive.largest_deviation_m < 0.15
     # Ten times what was measured on a slow machine: it is to stay far from real time.
     assert (time.process_time() - started) / (simulation.time_ns / 1e9) < 0.6
@@ -145,8 +146,8 @@ def test_without_grip_the_tracks_run_and_the_rover_hardly_moves():
 
 
 def test_a_push_moves_the_rover_once():
-    way = moved(rover(faults=[Fault("push_left", 1.0, 25.0)]), Motion(0, 0, 0), 3)
-    assert 0.02 < way.translation_m[1] < 1.0
+    way = moved(rover(faults=[Fault("push_left", 1.0, 15.0)], ground="sand"), Motion(0, 0, 0), 3)
+    assert 0.03 < way.translation_m[1] < 0.3
     assert moved(rover(), Motion(0, 0, 0), 3).translation_m[1] == pytest.approx(0, abs=1e-4)
 
 
@@ -239,6 +240,14 @@ def test_a_world_of_ones_own(tmp_path: Path):
         file.write_text(broken)
         with pytest.raises(InputError, match=words):
             Simulation(load_world(file))
+
+
+def test_a_breakdown_of_the_physics_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs the warning into the working folder
+    simulation = rover()
+    simulation.data.qvel[:] = 1e12
+    with pytest.raises(RunError, match="physics broke down"):
+        simulation.advance(SECOND_NS // 10)
 
 
 def test_faults_are_read_and_refused(tmp_path: Path):

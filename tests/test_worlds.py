@@ -21,7 +21,7 @@ from pilotage.simulation.paths import SHAPES
 from pilotage.simulation.scene import SURFACES
 from pilotage.simulation.walkers import read_walk
 
-# `--seeds` of nothing: thirty seeds spread over those a user is likely to take.
+# Ten seeds of each of three worlds, spread over those a user is likely to take.
 SEEDS = [0, 1, 2, 3, 5, 8, 13, 21, 34, 299]
 VARIANTS: list[tuple[str, dict[str, object]]] = [
     ("yard", {"relief_m": 0.1, "path": "closed-50m"}),
@@ -121,6 +121,38 @@ def test_a_plane_is_a_plane_and_each_ground_says_its_kind():
         assert ground.type == mujoco.mjtGeom.mjGEOM_PLANE
         frictions.add(float(ground.friction[0]))
     assert min(frictions) < max(frictions)
+
+
+@pytest.mark.parametrize("width_m", [6.0, 6.8])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_person_walks_where_nothing_stands(width_m: float, seed: int):
+    world = load_world("office", seed=seed, options={"width_m": width_m})
+    spec = world.spec()
+    walk = next(read_walk(t.name, t.data) for t in spec.texts if t.name.startswith("walk:"))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    person = model.body("person")
+    own = [i for i in range(model.ngeom) if model.geom_bodyid[i] == person.id]
+    others = [i for i in range(model.ngeom) if i not in own and model.geom_contype[i] and i != 0]
+    for moment in range(0, 16, 2):
+        place, turn = walk.pose(moment)
+        data.mocap_pos[person.mocapid[0], :2], data.mocap_quat[person.mocapid[0]] = place, turn
+        mujoco.mj_forward(model, data)
+        for a, b in itertools.product(own, others):
+            near = np.linalg.norm(data.geom_xpos[a] - data.geom_xpos[b]) < 3
+            if near and model.geom(b).name != "ground":
+                assert mujoco.mj_geomDistance(model, data, a, b, 1.0, None) > 0, model.geom(b)
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+def test_the_start_is_free(name: str, options: dict[str, object]):
+    for seed in SEEDS[:5]:
+        model, data = compiled(name, seed, options)
+        for angle in np.arange(0, 2 * np.pi, 0.1):
+            ray = np.array([np.cos(angle), np.sin(angle), 0.0])
+            hit = np.zeros(1, dtype=np.int32)
+            free = mujoco.mj_ray(model, data, np.array([0, 0, 0.15]), ray, None, 1, -1, hit)
+            assert free < 0 or free > 0.6
 
 
 def test_corridors_are_as_long_as_asked_and_walled_in():

@@ -34,6 +34,7 @@ from pilotage.simulation.scene import Scene
 
 BEHIND_M = 2.4  # from the start to the wall behind it
 LOOP_M = 1.05  # radius of the person's round about the table
+SHOULDER_M = 0.35  # half of a walking person, with a little room
 PIECES: tuple[Callable[[Scene, Wall, float], None], ...] = (add_desk, add_shelf, add_cabinet)
 
 
@@ -62,7 +63,7 @@ def build_office(scene: Scene, options: OfficeOptions) -> None:
     add_ceiling(scene, middle, half)
     for number, share in enumerate((-0.5, 0.5)):
         add_lamp(scene, f"lamp_{number}", middle + np.array([share * half[0], 0.0]))
-    table = (float(high[0]) - DEEPEST_M - LOOP_M - 0.35, float(scene.rng.uniform(-0.3, 0.3)))
+    table = (float(high[0]) - DEEPEST_M - LOOP_M - SHOULDER_M, float(scene.rng.uniform(-0.3, 0.3)))
     add_round_table(scene, *table)
     _add_person(scene, options, table)
     side = 1 if scene.rng.random() < 0.5 else -1
@@ -73,7 +74,8 @@ def build_office(scene: Scene, options: OfficeOptions) -> None:
 def _add_person(scene: Scene, options: OfficeOptions, table: tuple[float, float]) -> None:
     if options.person == "none":
         return
-    radii = (LOOP_M, LOOP_M * float(scene.rng.uniform(0.95, 1.15)))
+    room_m = options.width_m / 2 - DEEPEST_M - SHOULDER_M - abs(table[1])
+    radii = (LOOP_M, min(room_m, LOOP_M * float(scene.rng.uniform(0.95, 1.15))))
     walk = round_walk(table, radii, options.person_m_s)
     place = walk.points[int(scene.rng.integers(len(walk.points)))]
     walks = options.person == "walk"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import operator
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -22,6 +23,17 @@ def ranged(default: float, low: float, high: float) -> Any:
 def chosen(default: str, choices: Sequence[str]) -> Any:
     """Return a field for one of `choices`."""
     return dataclasses.field(default=default, metadata={"choices": tuple(choices)})
+
+
+def check_seed(seed: object) -> int:
+    """Return a seed as a whole number; InputError when it is none or negative."""
+    try:
+        whole = operator.index(seed)  # type: ignore[arg-type]
+    except TypeError:
+        whole = -1
+    if whole < 0 or isinstance(seed, bool):
+        raise InputError(f"seed = {seed!r}: must be a whole number, 0 or more")
+    return whole
 
 
 def read_options(kind: type[Options], values: Mapping[str, object], where: str) -> Options:

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 from pilotage import Transform
-from pilotage.errors import InputError
+from pilotage.errors import InputError, RunError
 from pilotage.simulation.body import PREFIX, Body, make_body
 from pilotage.simulation.faults import Fault, disturbance
 from pilotage.simulation.history import PoseHistory
 from pilotage.simulation.optics import MUJOCO_FROM_CAMERA
-from pilotage.simulation.options import unknown
+from pilotage.simulation.options import check_seed, unknown
 from pilotage.simulation.scene import START, WALK_PREFIX, yaw_quaternion
 from pilotage.simulation.sight import height_below_m
 from pilotage.simulation.walkers import Walk, read_walk
@@ -25,6 +25,13 @@ STEP_NS = 2_000_000
 REMEMBERED_STEPS = 150  # 0.3 s: longer than any exposure and read-out
 SETTLING_STEPS = 400
 SEARCH_HEIGHT_M = 1.0  # the ground under the start lies below this
+
+
+_BREAKDOWNS = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
 
 
 class Simulation:
@@ -63,7 +70,7 @@ class Simulation:
         self._mounts = np.array([self._robot, *mounts])
         self._history = PoseHistory(len(self._mounts), REMEMBERED_STEPS, STEP_NS)
         self._time_ns = 0
-        self._begin(seed)
+        self._begin(check_seed(seed))
 
     @property
     def time_ns(self) -> int:
@@ -76,9 +83,18 @@ class Simulation:
         return [self.model.camera(i).name.removeprefix(PREFIX) for i in range(self.model.ncam)]
 
     def advance(self, until_ns: int) -> None:
-        """Step until the clock stands at `until_ns` or up to one step (2 ms) after it."""
+        """Step until the clock stands at `until_ns` or up to one step (2 ms) after it.
+
+        RunError when the physics broke down; MuJoCo would go on from the start, as if new.
+        """
         while self._time_ns < until_ns:
             self._step()
+        for warning in _BREAKDOWNS:
+            if self.data.warning[warning].number:
+                raise RunError(
+                    f"{self.world.name}: the physics broke down, {self._time_ns / 1e9:.3f} s from "
+                    "the start; look for bodies of little mass or stiff joints in the world"
+                )
 
     def robot_pose(self, time_ns: int | None = None) -> Transform:
         """Return the true world_from_robot, now or at a time of the last 0.3 s."""

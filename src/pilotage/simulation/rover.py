@@ -163,7 +163,7 @@ def _wheel(side: str, number: int, x_m: float, y_m: float) -> str:
 def _motor(name: str) -> str:
     return (
         f'<general name="{name}" joint="{name}" dyntype="filterexact" dynprm="{LAG_S}" '
-        f'gainprm="4" biastype="affine" biasprm="0 0 -4" forcerange="-3 3"/>'
+        f'gainprm="12" biastype="affine" biasprm="0 0 -12" forcerange="-3 3"/>'
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotage.errors import InputError
-from pilotage.simulation.options import read_options, unknown
+from pilotage.simulation.options import check_seed, read_options, unknown
 from pilotage.simulation.scene import Scene
 from pilotage.simulation.world import World
 
@@ -32,8 +32,7 @@ def load_world(
     The same seed and options give the same bytes. Raises InputError naming an unknown world, an
     unknown option, a value out of range, or what MuJoCo finds wrong with the file.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise InputError(f"seed = {seed!r}: must be a whole number, 0 or more")
+    seed = check_seed(seed)
     if str(name) in WORLDS:
         return _generate(str(name), seed, options or {})
     path = Path(name)

@@ -12,6 +12,7 @@ from pilotage.simulation.layout import Circle
 from pilotage.simulation.scene import Part, Scene
 
 SUNK_M = 0.2  # into the ground, so that nothing hovers over a slope
+CROWN_M = 1.2  # leaves hang no lower
 KINDS = ("pole", "box", "wall", "tree")
 SHARES = (0.2, 0.35, 0.15, 0.3)
 # The circle an object stands in, metres; a tree's is its trunk's and the roots' surroundings.
@@ -66,10 +67,11 @@ def _add_tree(scene: Scene, body: Part, radius_m: float) -> None:
     half = (height + SUNK_M) / 2
     body.geom("capsule", [trunk, half], [0, 0, height - half], scene.surface("bark"))
     leaves = scene.surface("leaves")
-    # Crowns begin above any robot and may touch those of the next tree.
+    # Crowns end above any robot and may touch those of the next tree.
     for _ in range(int(rng.integers(2, 5))):
         size = rng.uniform(0.5, 0.9, 3) * (0.6 + radius_m)
-        at = [*rng.uniform(-0.4, 0.4, 2), height + size[2] * rng.uniform(0.1, 0.9)]
+        lowest = max(height, CROWN_M + size[2])
+        at = [*rng.uniform(-0.4, 0.4, 2), lowest + size[2] * rng.uniform(0.0, 0.6)]
         body.geom("ellipsoid", size, at, leaves, solid=False)
 
 
