@@ -14,3 +14,7 @@ class InputError(PilotageError):
 
 class RunError(PilotageError):
     """A fault during the run, such as a full disk; the command line exits with 1."""
+
+
+class DeviceError(PilotageError):
+    """A robot or camera that is closed, gone or silent; the command line exits with 1."""

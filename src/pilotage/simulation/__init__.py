@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated worlds, the bodies that move in them, faults, and drives for tests."""
+
+from pilotage.simulation.body import Body, Motion, Pose2
+from pilotage.simulation.drives import Drive
+from pilotage.simulation.faults import Fault, read_faults
+from pilotage.simulation.paths import Path, parse_path
+from pilotage.simulation.physics import Simulation
+from pilotage.simulation.world import World
+from pilotage.simulation.worlds import load_world
+
+__all__ = [
+    "Body",
+    "Drive",
+    "Fault",
+    "Motion",
+    "Path",
+    "Pose2",
+    "Simulation",
+    "World",
+    "load_world",
+    "parse_path",
+    "read_faults",
+]

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The protocol of a simulated body, and the table of those there are."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, NamedTuple, Protocol, cast
+
+from pilotage import Transform
+from pilotage.errors import InputError
+from pilotage.simulation.faults import Disturbance
+from pilotage.simulation.options import unknown
+
+# A body's parts are called by this prefix in the model: `robot/chassis`.
+PREFIX = "robot/"
+BODIES = {
+    "rover": "pilotage.simulation.rover:Rover",
+    "nao": "pilotage.simulation.nao:Nao",
+}
+
+
+class Pose2(NamedTuple):
+    """A place on the ground: metres, radians about z."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class Motion(NamedTuple):
+    """A velocity in the robot's frame: m/s along x and y, rad/s about z."""
+
+    linear_m_s: float
+    lateral_m_s: float
+    angular_rad_s: float
+
+    def within(self, limits: Motion) -> Motion:
+        """Return the motion with each part cut to what `limits` allow either way."""
+        pairs = zip(self, limits, strict=True)
+        return Motion(*(min(max(float(part), -limit), limit) for part, limit in pairs))
+
+
+REST = Motion(0.0, 0.0, 0.0)
+
+
+class Body(Protocol):
+    """What moves through a world. The simulation alone calls all but `command`.
+
+    `faults` names the kinds of faults it can suffer.
+    """
+
+    faults: frozenset[str]
+    odometry: Pose2  # what the body itself believes, from where it started
+    motion: Motion  # what it believes to be doing
+    energy_j: float  # taken from the battery since the start
+    capacity_j: float
+
+    def mjcf(self) -> str:
+        """Return the body's own MJCF; its first body is called `robot`, or `torso` above it."""
+
+    def bind(self, model: Any, data: Any, start: Transform, seed: int) -> None:
+        """Find the parts in the compiled model and stand at `start` (world_from_robot)."""
+
+    def command(self, motion: Motion, until_ns: int) -> Motion:
+        """Strive for `motion` until that time, then for rest; return it within the limits."""
+
+    def before_step(self, time_ns: int, acting: Disturbance) -> None:
+        """Set what acts during the next step."""
+
+    def after_step(self, time_ns: int) -> None:
+        """Take note of what the step did."""
+
+
+def make_body(name: str) -> Body:
+    """Return a new body; InputError when there is none of that name."""
+    if name not in BODIES:
+        raise InputError(f"body {name!r} {unknown(name, BODIES)}")
+    module, _, kind = BODIES[name].partition(":")
+    return cast(Body, getattr(importlib.import_module(module), kind)())

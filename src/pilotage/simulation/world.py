@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world: MJCF that holds all there is to it, and the notes in it that are ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from pilotage.errors import InputError
+
+
+@dataclass(frozen=True)
+class World:
+    """A world of ours or of a file; `assets` are files its MJCF names, `path` is that file."""
+
+    name: str
+    seed: int
+    mjcf: str
+    options: Mapping[str, object] = field(default_factory=dict)
+    assets: Mapping[str, bytes] = field(default_factory=dict)
+    path: Path | None = None
+
+    def spec(self) -> Any:
+        """Return a new `mujoco.MjSpec`; InputError passes on what MuJoCo has to say."""
+        try:
+            if self.path is not None:
+                return mujoco.MjSpec.from_file(str(self.path))
+            return mujoco.MjSpec.from_string(self.mjcf, assets=dict(self.assets))
+        except ValueError as error:
+            raise self.fault(error) from error
+
+    def fault(self, error: Exception) -> InputError:
+        """Return the error that names this world and MuJoCo's reason."""
+        reason = " ".join(str(error).split())
+        return InputError(f"{self.path or self.name}: no valid MJCF ({reason}); correct it")
