@@ -254,4 +254,4 @@ def record_bytes(record: McapRecord) -> bytes:
     """Return a record as it stands in a file."""
     builder = RecordBuilder()
     record.write(builder)
-    return builder.end()
+    return bytes(builder.end())

@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
-from typing import BinaryIO, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import lz4.frame
 import zstandard
@@ -32,7 +32,7 @@ BLOCK_BYTES = 1 << 20
 Parsed = TypeVar("Parsed", bound=McapRecord)
 
 
-class Damage(Exception):
+class DamageError(Exception):
     """Why the bytes cannot be what they should be."""
 
 
@@ -54,17 +54,17 @@ class RawRecord:
 def raw_records(file: BinaryIO) -> Iterator[RawRecord]:
     """Yield the records after the magic, up to the footer or the first that is cut short.
 
-    Raises Damage where there is no magic, or a record cannot be one.
+    Raises DamageError where there is no magic, or a record cannot be one.
     """
     end = file.seek(0, 2)
     file.seek(0)
     if file.read(len(MAGIC)) != MAGIC:
-        raise Damage("does not begin as an MCAP file does")
+        raise DamageError("does not begin as an MCAP file does")
     offset = len(MAGIC)
     while offset + HEAD_BYTES <= end:
         opcode, size = struct.unpack("<BQ", file.read(HEAD_BYTES))
         if opcode == 0 or size > LARGEST_RECORD_BYTES:
-            raise Damage(f"byte {offset}: no record begins with {opcode} and a size of {size}")
+            raise DamageError(f"byte {offset}: no record begins with {opcode} and a size of {size}")
         body = file.read(min(size, end - offset - HEAD_BYTES))
         record = RawRecord(offset, opcode, size, body)
         yield record
@@ -74,61 +74,61 @@ def raw_records(file: BinaryIO) -> Iterator[RawRecord]:
 
 
 def parse_schema(body: bytes) -> Schema:
-    """Return a schema; Damage where it is none."""
-    return _parse(body, Schema.read)
+    """Return a schema; DamageError where it is none."""
+    return _parse(Schema, body, Schema.read)
 
 
 def parse_channel(body: bytes) -> Channel:
-    """Return a channel; Damage where it is none."""
-    return _parse(body, Channel.read)
+    """Return a channel; DamageError where it is none."""
+    return _parse(Channel, body, Channel.read)
 
 
 def parse_message(body: bytes) -> Message:
-    """Return a message; Damage where it is none."""
+    """Return a message; DamageError where it is none."""
     if len(body) < MESSAGE_HEAD_BYTES:
-        raise Damage("a message without a head")
-    return _parse(body, lambda stream: Message.read(stream, len(body)))
+        raise DamageError("a message without a head")
+    return _parse(Message, body, lambda stream: Message.read(stream, len(body)))
 
 
 def parse_metadata(body: bytes) -> Metadata:
-    """Return metadata; Damage where it is none."""
-    return _parse(body, Metadata.read)
+    """Return metadata; DamageError where it is none."""
+    return _parse(Metadata, body, Metadata.read)
 
 
 def parse_attachment(body: bytes) -> Attachment:
-    """Return an attachment; Damage where it is none or its checksum does not fit."""
-    attachment = _parse(body, Attachment.read)
+    """Return an attachment; DamageError where it is none or its checksum does not fit."""
+    attachment = _parse(Attachment, body, Attachment.read)
     (crc,) = struct.unpack("<I", body[-4:])
     if crc not in (0, zlib.crc32(body[:-4])):
-        raise Damage("an attachment whose checksum does not fit")
+        raise DamageError("an attachment whose checksum does not fit")
     return attachment
 
 
 def parse_chunk(body: bytes) -> Chunk:
-    """Return a chunk, cut short or not; Damage where even its head is."""
+    """Return a chunk, cut short or not; DamageError where even its head is."""
     if len(body) < CHUNK_HEAD_BYTES:
-        raise Damage("a chunk without a head")
+        raise DamageError("a chunk without a head")
     start, end, size, crc, name_size = struct.unpack("<QQQII", body[:32])
     data = 32 + name_size + 8
     if len(body) < data:
-        raise Damage("a chunk without a head")
+        raise DamageError("a chunk without a head")
     try:
         compression = body[32 : 32 + name_size].decode()
     except UnicodeDecodeError:
-        raise Damage("a chunk whose compression has no name") from None
+        raise DamageError("a chunk whose compression has no name") from None
     (packed,) = struct.unpack("<Q", body[data - 8 : data])
     if size > LARGEST_RECORD_BYTES or packed > LARGEST_RECORD_BYTES:
-        raise Damage(f"a chunk of {size} bytes; {LARGEST_RECORD_BYTES} are read at most")
+        raise DamageError(f"a chunk of {size} bytes; {LARGEST_RECORD_BYTES} are read at most")
     return Chunk(compression, body[data : data + packed], end, start, crc, size)
 
 
 def unpack_chunk(chunk: Chunk) -> bytes:
-    """Return the content of a whole chunk; Damage where it or its checksum does not fit."""
+    """Return the content of a whole chunk; DamageError where it or its checksum does not fit."""
     content = unpack_beginning(chunk)
     if len(content) != chunk.uncompressed_size:
-        raise Damage(f"a chunk of {len(content)} bytes instead of {chunk.uncompressed_size}")
+        raise DamageError(f"a chunk of {len(content)} bytes instead of {chunk.uncompressed_size}")
     if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
-        raise Damage("a chunk whose checksum does not fit")
+        raise DamageError("a chunk whose checksum does not fit")
     return content
 
 
@@ -137,7 +137,8 @@ def unpack_beginning(chunk: Chunk) -> bytes:
     if chunk.compression == "":
         return chunk.data[: chunk.uncompressed_size]
     if chunk.compression not in ("zstd", "lz4"):
-        raise Damage(f"a chunk compressed by {chunk.compression[:20]!r}; zstd and lz4 are read")
+        name = chunk.compression[:20]
+        raise DamageError(f"a chunk compressed by {name!r}; only zstd and lz4 are read")
     blocks, missing = [], chunk.uncompressed_size
     for block in (_zstd_blocks if chunk.compression == "zstd" else _lz4_blocks)(chunk.data):
         blocks.append(block[:missing])
@@ -181,8 +182,10 @@ def split_chunk(content: bytes) -> Iterator[RawRecord]:
         offset = begin + size
 
 
-def _parse(body: bytes, read: Callable[[ReadDataStream], Parsed]) -> Parsed:
+def _parse(kind: type[Parsed], body: bytes, read: Callable[[ReadDataStream], Any]) -> Parsed:
     try:
-        return read(ReadDataStream(BytesIO(body)))
+        record = read(ReadDataStream(BytesIO(body)))
     except (struct.error, ValueError, McapError) as error:
-        raise Damage(f"a record that cannot be read ({error})") from None
+        raise DamageError(f"no {kind.__name__} record ({error})") from None
+    assert isinstance(record, kind)
+    return record
