@@ -9,6 +9,7 @@ import typer
 
 from pilotage.cli.evaluate import evaluate
 from pilotage.cli.localize import localize
+from pilotage.cli.recover import recover
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -18,6 +19,7 @@ app = typer.Typer(
 )
 app.command()(localize)
 app.command()(evaluate)
+app.command()(recover)
 
 
 def _print_version(wanted: bool) -> None:

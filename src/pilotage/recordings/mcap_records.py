@@ -18,7 +18,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message, Metadata, Schema
 
 from pilotage.recordings.mcap_container import MAGIC
 
@@ -71,6 +71,11 @@ def raw_records(file: BinaryIO) -> Iterator[RawRecord]:
         offset += HEAD_BYTES + size
         if opcode == Opcode.FOOTER or not record.is_whole:
             return
+
+
+def parse_header(body: bytes) -> Header:
+    """Return the header; DamageError where it is none."""
+    return _parse(Header, body, Header.read)
 
 
 def parse_schema(body: bytes) -> Schema:
