@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from pilotage.cli.convert import convert
 from pilotage.cli.evaluate import evaluate
 from pilotage.cli.localize import localize
 from pilotage.cli.recover import recover
@@ -19,6 +20,7 @@ app = typer.Typer(
 )
 app.command()(localize)
 app.command()(evaluate)
+app.command()(convert)
 app.command()(recover)
 
 

@@ -63,6 +63,7 @@ class McapWriter:
         self._statics: dict[tuple[str, str], Transform] = {}
         self._cameras: dict[str, tuple[Camera, NDArray[np.float64], NDArray[np.float64]]] = {}
         self._pair = (LEFT, RIGHT)
+        self.is_ours = False  # whether the `.part` was begun here
 
     def __enter__(self) -> Self:
         check_mcap_name(self.path)
@@ -71,6 +72,7 @@ class McapWriter:
                 remedy = " or run `pilotage recover` on it" if file == self.part else ""
                 raise InputError(f"{file} exists; choose another name, remove it{remedy}")
         self._container.__enter__()
+        self.is_ours = True
         return self
 
     def __exit__(
