@@ -180,12 +180,15 @@ class _Recoverer:
         put the whole messages into a new one.
         """
         chunk = parse_chunk(record.body)
-        content = unpack_chunk(chunk) if record.is_whole else unpack_beginning(chunk)
+        content = unpack_beginning(chunk)
+        if record.is_whole or len(content) == chunk.uncompressed_size:
+            content = unpack_chunk(chunk)  # with its checksum
         inner = [found for found in split_chunk(content) if found.is_whole]
         parsed = [(found.offset, self._parse(found)) for found in inner]
         known = [(offset, found) for offset, found in parsed if found is not None]
         end = inner[-1].offset + HEAD_BYTES + inner[-1].size if inner else 0
-        if end == chunk.uncompressed_size and self._all_known(known):
+        is_sound = record.is_whole and end == chunk.uncompressed_size
+        if is_sound and self._all_known(known):
             for _, found in known:
                 self._note(found)
             self._container.copy_chunk(record.body, chunk, known)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -25,6 +26,7 @@ JOINTS = "sensor_msgs/msg/JointState"
 
 NS_PER_S = 1_000_000_000
 LATEST_NS = 2**31 * NS_PER_S  # a stamp's seconds are an int32: until 2038
+LARGEST_M = 1e12  # beyond any way; guards later arithmetic
 HEADER_BYTES = 12  # encapsulation, seconds, nanoseconds
 LENSES = {"none": "plumb_bob", "brown": "plumb_bob", "kannala_brandt": "equidistant"}
 
@@ -193,8 +195,8 @@ def transform_of(translation: Any, rotation: Any) -> Transform:
     """Return the transform of a message's vector and quaternion; MessageError where it is none."""
     vector = [translation.x, translation.y, translation.z]
     quaternion = [rotation.w, rotation.x, rotation.y, rotation.z]
-    length = float(np.linalg.norm(quaternion))
-    if not np.isfinite(vector).all() or not abs(length - 1) < 1e-2:
+    length = math.hypot(*quaternion)
+    if not all(abs(value) < LARGEST_M for value in vector) or not abs(length - 1) < 1e-2:
         raise MessageError(f"translation {vector}, quaternion of length {length:.4g}: no transform")
     return Transform(translation_m=vector, quaternion_wxyz=quaternion)
 
