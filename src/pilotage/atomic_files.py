@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable
 from io import FileIO
 from pathlib import Path
+from typing import Self
 
 from pilotage.errors import RunError
 
@@ -42,6 +43,7 @@ def produce_atomically(path: Path, produce: Callable[[Path], object]) -> None:
 class GrowingFile:
     """A new file that grows by whole blocks, each in the hands of the system after `append`.
 
+    `open` or a `with` creates it.
     Opening and appending raise RunError naming the file; a block that does not fit is taken back.
     With `exclusive`, a file that exists already is refused as any other failure to open.
     """
@@ -84,6 +86,13 @@ class GrowingFile:
         if self._file is not None:
             self._file.close()
             self._file = None
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     def _opened(self) -> FileIO:
         if self._file is None:

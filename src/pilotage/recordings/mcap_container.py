@@ -10,8 +10,6 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import Counter
-from types import TracebackType
-from typing import Self
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -193,23 +191,6 @@ class ContainerWriter:
     def _write(self, data: bytes) -> None:
         self._file.append(data)
         self._crc = zlib.crc32(data, self._crc)
-
-    def __enter__(self) -> Self:
-        self._file.open()
-        try:
-            self.start()
-        except BaseException:
-            self._file.close()
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._file.close()
 
 
 class _OpenChunk:

@@ -86,10 +86,11 @@ def recover(file: Path, out: Path | None = None) -> Recovery:
     recovery = Recovery(target)
     try:
         with file.open("rb") as stream:
-            written = GrowingFile(temporary)
             header = _read_header(stream)
             library = f"{header.library}; recovered by pilotage {__version__}"
-            with ContainerWriter(written, library=library, profile=header.profile) as container:
+            with GrowingFile(temporary) as written:
+                container = ContainerWriter(written, library=library, profile=header.profile)
+                container.start()
                 _Recoverer(stream, container, recovery).run()
                 container.finish()
                 written.sync()

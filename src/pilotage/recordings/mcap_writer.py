@@ -71,8 +71,15 @@ class McapWriter:
             if file.exists():
                 remedy = " or run `pilotage recover` on it" if file == self.part else ""
                 raise InputError(f"{file} exists; choose another name, remove it{remedy}")
-        self._container.__enter__()
+        self._file.open()
         self.is_ours = True
+        try:
+            self._container.start()
+        except BaseException:  # nothing in it that is worth keeping
+            self._file.close()
+            with contextlib.suppress(OSError):
+                self.part.unlink()
+            raise
         return self
 
     def __exit__(
