@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -129,23 +130,24 @@ def test_kitti_gets_rectified_pairs(small_euroc: SyntheticRecording, tmp_path: P
 def test_truth_of_other_times_goes_beside_kitti(
     small_kitti: SyntheticRecording, tmp_path: Path
 ) -> None:
-    class Shifted:
-        def __init__(self, recording: Recording) -> None:
-            self.__dict__ = recording.__dict__
-            self.frames = recording.frames
-            truth = recording.truth()
-            assert truth is not None
-            truth.timestamps_ns[:] += 7
-            self.truth = lambda: truth
-
-    source = Shifted(open_recording(small_kitti.path))
-    done = convert(source, tmp_path / "k", "kitti")  # type: ignore[arg-type]
+    shutil.copytree(small_kitti.path, tmp_path / "s")
+    (tmp_path / "s" / "poses.txt").unlink()
+    rows = "".join(f"{i / 50} {i} 0 0 0 0 0.6 0.8\n" for i in range(30))
+    (tmp_path / "s" / "truth_left_tum.txt").write_text(rows)
+    source = open_recording(tmp_path / "s")
+    done = convert(source, tmp_path / "k", "kitti")
+    assert "left out" in done.notes[0]  # each pair has its pose, those between have no place
+    assert (tmp_path / "k" / "poses.txt").exists()
+    (tmp_path / "s" / "truth_left_tum.txt").write_text(rows.replace(".1 ", ".1000001 "))
+    done = convert(open_recording(tmp_path / "s"), tmp_path / "t", "kitti")
     assert "truth_left_tum.txt" in done.notes[0]
-    assert not (tmp_path / "k" / "poses.txt").exists()
-    truth = open_recording(tmp_path / "k").truth()
+    assert not (tmp_path / "t" / "poses.txt").exists()
+    truth = open_recording(tmp_path / "t").truth()
     assert truth is not None
-    assert truth.timestamps_ns.tolist() == source.truth().timestamps_ns.tolist()
-    np.testing.assert_allclose(truth.world_from_left, source.truth().world_from_left, atol=1e-12)
+    assert truth.timestamps_ns[4:7].tolist() == [80_000_000, 100_000_100, 120_000_000]
+    wanted = source.truth()
+    assert wanted is not None
+    np.testing.assert_allclose(truth.world_from_left, wanted.world_from_left, atol=1e-15)
 
 
 def test_bad_pairs_are_left_out_and_told(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: cuts, flipped bits, kills and full disks share their recordings.
 """Recordings cut off anywhere are made whole; broken ones are told in the project's own words."""
 
 from __future__ import annotations

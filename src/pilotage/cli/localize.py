@@ -15,7 +15,9 @@ from pilotage.cli.errors import FAILED, errors_to_exit, fail, say_warning
 
 
 def localize(  # noqa: PLR0913, PLR0917, an argument for each option
-    recording: Annotated[Path, typer.Argument(help="Folder or video file of a stereo camera.")],
+    recording: Annotated[
+        Path, typer.Argument(help="Folder, .mcap or video file of a stereo camera.")
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("out"),
     calibration: Annotated[
         Path | None,
@@ -49,8 +51,8 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
     """Example: pilotage localize recordings/street -o out/
 
     Find where the camera was at every stereo pair of RECORDING. Formats are recognised by
-    themselves: KITTI, EuRoC, folders of left and right or side-by-side pictures, video. Ctrl-C
-    ends the run early and keeps what was computed.
+    themselves: KITTI, EuRoC, MCAP (ROS 2), folders of left and right or side-by-side pictures,
+    video. Ctrl-C ends the run early and keeps what was computed.
     """
     with errors_to_exit(debug=debug):
         from pilotage import StereoOdometry
