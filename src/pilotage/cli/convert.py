@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pilotage.cli.errors import errors_to_exit, say_warning
+from pilotage.cli.errors import errors_to_exit, say_warning, stop_on_terminate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,7 +57,8 @@ def convert(  # noqa: PLR0913, PLR0917, an argument for each option
         ) -> Iterable[StereoFrame | BadFrame]:
             return _watched(frames, opened.name, len(opened))
 
-        done = write(opened, out, to.value, watch=watch)
+        with stop_on_terminate():
+            done = write(opened, out, to.value, watch=watch)
         for bad in done.skipped[:SKIPPED_SHOWN]:
             say_warning(f"pair {bad.index} left out: {bad.reason}")
         if len(done.skipped) > SKIPPED_SHOWN:

@@ -62,7 +62,6 @@ class McapWriter:
         self._sequences: dict[str, int] = {}
         self._statics: dict[tuple[str, str], Transform] = {}
         self._cameras: dict[str, tuple[Camera, NDArray[np.float64], NDArray[np.float64]]] = {}
-        self._pair = (LEFT, RIGHT)
         self.is_ours = False  # whether the `.part` was begun here
 
     def __enter__(self) -> Self:
@@ -107,7 +106,6 @@ class McapWriter:
         self, rig: StereoRig, *, timestamp_ns: int, left: str = LEFT, right: str = RIGHT
     ) -> None:
         """Say how a stereo pair is built; its two cameras' pictures may follow."""
-        self._pair = (left, right)
         rectification = _rectification(rig)
         for name, camera, (turn, projection) in zip(
             (left, right), (rig.left, rig.right), rectification, strict=True
@@ -134,10 +132,15 @@ class McapWriter:
         self._write(STATIC_TRANSFORMS_TOPIC, ros.TRANSFORMS, timestamp_ns, data, **quality)
 
     def write_pair(
-        self, *, timestamp_ns: int, left: NDArray[np.uint8], right: NDArray[np.uint8]
+        self,
+        *,
+        timestamp_ns: int,
+        left: NDArray[np.uint8],
+        right: NDArray[np.uint8],
+        cameras: tuple[str, str] = (LEFT, RIGHT),
     ) -> None:
-        """Write both pictures of the rig that `add_rig` said last."""
-        for name, picture in zip(self._pair, (left, right), strict=True):
+        """Write the grey pictures that the two cameras of a rig took at once."""
+        for name, picture in zip(cameras, (left, right), strict=True):
             self.write_picture(name, timestamp_ns=timestamp_ns, picture=picture)
 
     def write_picture(
