@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -173,6 +174,50 @@ def test_truth_is_of_the_left_camera(body: str, tmp_path: Path) -> None:
         np.testing.assert_allclose(matrix, (pose @ body_from_left).matrix(), atol=1e-14)
         if body == "front_left":
             np.testing.assert_array_equal(matrix, pose.matrix())
+
+
+def test_truth_of_nobody_is_the_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    poses = write_recording(tmp_path / "a.mcap", make_rig(3), 2)
+    monkeypatch.setattr("pilotage.recordings.mcap.BODY_KEY", "something else")
+    recording = open_recording(tmp_path / "a.mcap")
+    truth = recording.truth()
+    assert truth is not None
+    assert recording.rig.robot_from_left is not None
+    world_from_left = (poses[1] @ recording.rig.robot_from_left).matrix()
+    np.testing.assert_allclose(truth.world_from_left[1], world_from_left, atol=1e-14)
+
+
+@pytest.mark.parametrize(("w", "is_one"), [(1.009, True), (0.98, False), (float("nan"), False)])
+def test_quaternions_of_few_digits_are_taken(w: float, is_one: bool) -> None:
+    vector, quaternion = SimpleNamespace(x=1, y=2, z=3), SimpleNamespace(w=w, x=0, y=0, z=0)
+    if is_one:
+        transform = ros.transform_of(vector, quaternion)
+        assert numbers(transform) == [1, 2, 3, 1, 0, 0, 0]
+    else:
+        with pytest.raises(ros.MessageError, match="no transform"):
+            ros.transform_of(vector, quaternion)
+
+
+def test_a_rover_with_two_rigs(tmp_path: Path) -> None:
+    front, down = make_rig(1), make_rig(2)
+    names = ("down_left", "down_right")
+    (left, right), (other_left, other_right) = make_pairs(2)
+    for file, has_front in (("both.mcap", True), ("down.mcap", False)):
+        with McapWriter(tmp_path / file) as writer:
+            if has_front:
+                writer.add_rig(front, timestamp_ns=0)
+            writer.add_rig(down, timestamp_ns=0, left=names[0], right=names[1])
+            if has_front:
+                writer.write_pair(timestamp_ns=0, left=left, right=right)
+            writer.write_pair(timestamp_ns=0, left=other_left, right=other_right, cameras=names)
+            writer.flush()
+        recording = open_recording(tmp_path / file)
+        rig, picture = (front, left) if has_front else (down, other_left)
+        frame = next(iter(recording.frames()))
+        assert isinstance(frame, StereoFrame)
+        np.testing.assert_array_equal(frame.left, picture)
+        assert numbers(recording.rig.right_from_left) == numbers(rig.right_from_left)
+        assert numbers(recording.rig.robot_from_left) == numbers(rig.robot_from_left)
 
 
 def test_a_recording_without_truth(tmp_path: Path) -> None:

@@ -46,8 +46,8 @@ WORTH_COMPRESSING = 0.9
 class ContainerWriter:
     """Records going into a `GrowingFile`, which is only whole after `finish`.
 
-    A chunk is in the hands of the system before the next one begins: a killed process loses the
-    last second at most. Writing raises RunError naming the file; what it holds then are whole
+    A chunk is in the hands of the system before the next one begins: a killed process loses what
+    came since, a second at most while messages come. Writing raises RunError naming the file; what it holds then are whole
     records.
     """
 

@@ -31,7 +31,7 @@ from pilotage.recordings.mcap_records import (
 )
 
 TOP_LEVEL = -1  # instead of a chunk's offset: a message outside of chunks
-CACHED_BYTES = 16 << 20
+CACHED_BYTES = 8 << 20
 # Topics of which the first messages are kept; more would say the same again.
 KEPT_TYPES = (ros.CAMERA_INFO, ros.TRANSFORMS)
 KEPT_MESSAGES = 1000
@@ -148,7 +148,7 @@ def _time_ns(message: Message) -> int:
 
 
 class MessageFetcher:
-    """Messages by their place. `with` opens the file; chunks worth 16 MB stay in memory."""
+    """Messages by their place. `with` opens the file; chunks worth 8 MB stay in memory."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

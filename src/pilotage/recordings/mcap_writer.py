@@ -207,6 +207,10 @@ class McapWriter:
         data = ros.joints(timestamp_ns, positions_rad)
         self._write(JOINTS_TOPIC, ros.JOINTS, timestamp_ns, data)
 
+    def flush(self) -> None:
+        """Hand all there is to the system, before a pause say: a kill loses nothing of it then."""
+        self._container.flush()
+
     def _write_pixels(
         self, camera: str, timestamp_ns: int, picture: NDArray[np.uint8], encoding: str
     ) -> None:

@@ -26,6 +26,7 @@ JOINTS = "sensor_msgs/msg/JointState"
 
 NS_PER_S = 1_000_000_000
 LATEST_NS = 2**31 * NS_PER_S  # a stamp's seconds are an int32: until 2038
+ROUNDED = 1e-6  # a quaternion further off was printed with few digits, and is normalised
 LARGEST_M = 1e12  # beyond any way; guards later arithmetic
 HEADER_BYTES = 12  # encapsulation, seconds, nanoseconds
 LENSES = {"none": "plumb_bob", "brown": "plumb_bob", "kannala_brandt": "equidistant"}
@@ -198,6 +199,8 @@ def transform_of(translation: Any, rotation: Any) -> Transform:
     length = math.hypot(*quaternion)
     if not all(abs(value) < LARGEST_M for value in vector) or not abs(length - 1) < 1e-2:
         raise MessageError(f"translation {vector}, quaternion of length {length:.4g}: no transform")
+    if abs(length - 1) > ROUNDED:
+        quaternion = [value / length for value in quaternion]
     return Transform(translation_m=vector, quaternion_wxyz=quaternion)
 
 
