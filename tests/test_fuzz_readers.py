@@ -164,11 +164,12 @@ NAMES = [
     "image_0", "image_1", "image_2", "calib.txt", "times.txt", "poses.txt", "mav0", "cam0", "cam1",
     "data", "data.csv", "sensor.yaml", "left", "right", "left.png", "right.png", "000000.png",
     "a_0.jpg", "a_1.jpg", "rig.yaml", "left.yaml", "right.yaml", "images", "clip.avi", "x.tum",
-    "\u0661.png", "truth_body_tum.txt",
+    "\u0661.png", "truth_body_tum.txt", "recording.mcap", "a.mcap", "b.mcap.part",
 ]  # fmt: skip
 CONTENTS = [
     b"", b"\xff\xd8", JPEG.tobytes(), PNG.tobytes(), OWN.encode(), KITTI.encode(), b"0\n", b"nan\n",
     b"#t,f\n1,a\n", b"1,\x00\n", b"1,../../data\n2,000000.png\n", b"1e999999999\n", b"\xff\xfe",
+    b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x01" + bytes(16) + b"\x02" + bytes(28) + b"\x89MCAP0\r\n",
 ]  # fmt: skip
 Tree = st.recursive(
     st.sampled_from(CONTENTS),

@@ -19,6 +19,7 @@ from pilotage.errors import InputError
 from pilotage.recordings import BadFrame, StereoFrame, open_recording
 from pilotage.recordings import recording as recording_module
 from pilotage.recordings.kitti import KittiRecording
+from pilotage.recordings.mcap_writer import McapWriter
 from pilotage.recordings.pictures import PictureError, decode_grey, natural_key
 
 COUNT = 6
@@ -89,7 +90,17 @@ def video(source: SyntheticRecording, folder: Path) -> Path:
     return folder / "drive.avi"
 
 
-MAKERS = [kitti_folder, subfolders, suffixes, side_by_side, video]
+def mcap(source: SyntheticRecording, folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    rig = load_rig(source.path, image_size_px=(480, 240))
+    with McapWriter(folder / "recording.mcap") as writer:
+        writer.add_rig(rig, timestamp_ns=0)
+        for i, (left, right) in enumerate(pictures(source)):
+            writer.write_pair(timestamp_ns=i * 10**8, left=left, right=right)
+    return folder
+
+
+MAKERS = [kitti_folder, subfolders, suffixes, side_by_side, video, mcap]
 Broken = Callable[[Path], None]
 
 

@@ -7,7 +7,9 @@ import contextlib
 import errno
 import os
 from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
+from typing import Self
 
 from pilotage.errors import RunError
 
@@ -38,32 +40,76 @@ def produce_atomically(path: Path, produce: Callable[[Path], object]) -> None:
             temporary.unlink(missing_ok=True)
 
 
-class LineFile:
-    """A new file that grows by whole lines, each in the hands of the system when `append` returns.
+class GrowingFile:
+    """A new file that grows by whole blocks, each in the hands of the system after `append`.
 
-    Opening and appending raise RunError naming the file; a line that does not fit is taken back.
+    `open` or a `with` creates it.
+    Opening and appending raise RunError naming the file; a block that does not fit is taken back.
+    With `exclusive`, a file that exists already is refused as any other failure to open.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._size = 0
-        try:
-            self._file = path.open("wb", buffering=0)
-        except OSError as error:
-            raise write_error(path, error) from error
+    def __init__(self, path: Path, *, exclusive: bool = False) -> None:
+        self.path = path
+        self.size = 0
+        self._mode = "xb" if exclusive else "wb"
+        self._file: FileIO | None = None
 
-    def append(self, line: str) -> None:
-        """Write `line`, which brings its own newline."""
-        data = line.encode()
+    def open(self) -> None:
+        """Create the file."""
         try:
-            if self._file.write(data) != len(data):
+            self._file = FileIO(self.path, self._mode)
+        except OSError as error:
+            raise write_error(self.path, error) from error
+
+    def append(self, data: bytes) -> None:
+        """Write `data`, all of it or nothing."""
+        file = self._opened()
+        try:
+            if file.write(data) != len(data):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
             with contextlib.suppress(OSError):
-                self._file.truncate(self._size)
-                self._file.seek(self._size)
-            raise write_error(self._path, error) from error
-        self._size += len(data)
+                file.truncate(self.size)
+                file.seek(self.size)
+            raise write_error(self.path, error) from error
+        self.size += len(data)
+
+    def sync(self) -> None:
+        """Wait until the disk has it."""
+        try:
+            os.fsync(self._opened().fileno())
+        except OSError as error:
+            raise write_error(self.path, error) from error
+
+    def close(self) -> None:
+        """Close; nothing is left to be written then."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def _opened(self) -> FileIO:
+        if self._file is None:
+            raise ValueError(f"{self.path} is not open; use it in a `with`")
+        return self._file
+
+
+class LineFile:
+    """A new file that grows by whole lines; errors as of `GrowingFile`."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = GrowingFile(path)
+        self._file.open()
+
+    def append(self, line: str) -> None:
+        """Write `line`, which brings its own newline."""
+        self._file.append(line.encode())
 
     def close(self) -> None:
         """Close; nothing is left to be written then."""

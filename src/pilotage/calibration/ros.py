@@ -50,7 +50,7 @@ def read_ros(left: Section, right: Section) -> StereoRig:
 
 def _read_side(section: Section) -> _Side:
     section.refuse_unknown(KNOWN_KEYS)
-    _refuse_cropping(section)
+    refuse_cropping(section)
     width, height = section.first_of(*WIDTH_KEYS), section.first_of(*HEIGHT_KEYS)
     size_px = check_size(section, section.number(width), section.number(height))
     k = section.matrix(section.first_of(*K_KEYS), 3, 3)
@@ -69,7 +69,8 @@ def _read_side(section: Section) -> _Side:
     )
 
 
-def _refuse_cropping(section: Section) -> None:
+def refuse_cropping(section: Section) -> None:
+    """Raise InputError where the pictures are not the whole ones that K describes."""
     for key in ("binning_x", "binning_y"):
         if key in section and section.number(key) not in (0, 1):
             raise section.fault(key, "binned pictures need a calibration at their own size")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -32,6 +33,16 @@ def errors_to_exit(*, debug: bool) -> Iterator[None]:
             raise
         kind = type(error).__name__
         fail(f"a fault of the program, {kind}: {error} (--debug shows where)", FAILED)
+
+
+@contextmanager
+def stop_on_terminate() -> Iterator[None]:
+    """Let `kill` end a run as Ctrl-C does: with everything written, or cleared away."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def fail(message: str, code: int) -> None:

@@ -3,19 +3,22 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from pilotage.cli.errors import FAILED, errors_to_exit, fail, say_warning
+from pilotage.cli.errors import (
+    FAILED,
+    errors_to_exit,
+    fail,
+    say_warning,
+    stop_on_terminate,
+)
 
 
 def localize(  # noqa: PLR0913, PLR0917, an argument for each option
-    recording: Annotated[Path, typer.Argument(help="Folder or video file of a stereo camera.")],
+    recording: Annotated[Path, typer.Argument(help="Folder, .mcap or video of a stereo camera.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("out"),
     calibration: Annotated[
         Path | None,
@@ -49,8 +52,8 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
     """Example: pilotage localize recordings/street -o out/
 
     Find where the camera was at every stereo pair of RECORDING. Formats are recognised by
-    themselves: KITTI, EuRoC, folders of left and right or side-by-side pictures, video. Ctrl-C
-    ends the run early and keeps what was computed.
+    themselves: KITTI, EuRoC, MCAP (ROS 2), folders of left and right or side-by-side pictures,
+    video. Ctrl-C ends the run early and keeps what was computed.
     """
     with errors_to_exit(debug=debug):
         from pilotage import StereoOdometry
@@ -65,7 +68,7 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz)
         odometry = StereoOdometry(rig=opened.rig, config=used)
         pairs = len(selection.indices(len(opened)))
-        with _stop_on_terminate(), make_progress(opened.name, pairs) as progress:
+        with stop_on_terminate(), make_progress(opened.name, pairs) as progress:
             summary = track(
                 recording=opened,
                 odometry=odometry,
@@ -79,16 +82,6 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         _conclude(summary, out)
         if fault is not None:
             fail(f"report not drawn: {fault}", FAILED)
-
-
-@contextmanager
-def _stop_on_terminate() -> Iterator[None]:
-    """Let `kill` end a run as Ctrl-C does: with everything written."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _draw_report(out: Path) -> str | None:

@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from pilotage.cli.convert import convert
 from pilotage.cli.evaluate import evaluate
 from pilotage.cli.localize import localize
+from pilotage.cli.recover import recover
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -18,6 +20,8 @@ app = typer.Typer(
 )
 app.command()(localize)
 app.command()(evaluate)
+app.command()(convert)
+app.command()(recover)
 
 
 def _print_version(wanted: bool) -> None:

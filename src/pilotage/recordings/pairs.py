@@ -105,7 +105,7 @@ def split_side_by_side(both: Grey, rig: StereoRig, file: Path) -> tuple[Grey, Gr
     return both[:, :split].copy(), both[:, split:].copy()
 
 
-def check_size(picture: Grey, camera: Camera, file: Path) -> None:
+def check_size(picture: Grey, camera: Camera, file: Path | str) -> None:
     height, width = picture.shape
     if (width, height) != (camera.width_px, camera.height_px):
         raise SizeError(

@@ -51,8 +51,8 @@ def read_grey(file: Path) -> Grey:
     return decode_grey(data, file)
 
 
-def decode_grey(data: bytes, file: Path) -> Grey:
-    """Decode the bytes of one picture file; see `read_grey`."""
+def decode_grey(data: bytes, file: Path | str) -> Grey:
+    """Decode the bytes of one picture file, named `file` in errors; see `read_grey`."""
     if not data:
         raise PictureError(f"{file}: empty")
     if _is_cut_short(data):
@@ -67,7 +67,7 @@ def decode_grey(data: bytes, file: Path) -> Grey:
     return to_grey(picture, file)
 
 
-def to_grey(picture: np.ndarray, file: Path) -> Grey:
+def to_grey(picture: np.ndarray, file: Path | str) -> Grey:
     """Return one channel of 8 bits."""
     if picture.dtype == np.uint16:
         picture = cv2.convertScaleAbs(picture, alpha=255 / 65535)

@@ -20,6 +20,7 @@ __all__ = ["BadFrame", "Recording", "StereoFrame", "Truth", "open_recording"]
 FORMATS = {
     "kitti": "pilotage.recordings.kitti:KittiRecording",
     "euroc": "pilotage.recordings.euroc:EurocRecording",
+    "mcap": "pilotage.recordings.mcap:McapRecording",
     "video": "pilotage.recordings.video:VideoRecording",
     "images": "pilotage.recordings.images:ImagesRecording",
 }
