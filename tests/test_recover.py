@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from test_mcap import foreign_bag, make_rig, write_recording
 from typer.testing import CliRunner, Result
 
@@ -170,6 +171,28 @@ def test_a_chunk_with_a_flipped_bit_is_left_out(whole: Path, tmp_path: Path) -> 
     assert len(recovery.losses) == 1
     assert f"byte {chunk.chunk_start_offset}" in recovery.losses[0]
     assert "checksum" in recovery.losses[0]
+
+
+def test_attachments_and_metadata_stay(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream, chunk_size=1)
+        writer.start(profile="ros2", library="another tool")
+        channel = writer.register_channel("/a", "cdr", writer.register_schema("a", "ros2msg", b""))
+        writer.add_message(channel, 5, b"message", 5)
+        writer.add_attachment(1, 2, "notes.txt", "text/plain", b"Monday")
+        writer.add_metadata("robot", {"name": "rover"})
+        writer.add_message(channel, 6, b"last one", 6)
+        writer.finish()
+    data = (tmp_path / "a.mcap").read_bytes()
+    (tmp_path / "a.mcap").unlink()
+    result = recovered(data[: data.find(b"rover") + 5 + 40], tmp_path)
+    assert result is not None
+    assert result[0] == [("/a", 5, b"message")]
+    with (tmp_path / "out.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        assert [(a.name, a.data) for a in reader.iter_attachments()] == [("notes.txt", b"Monday")]
+        assert [m.metadata for m in reader.iter_metadata()] == [{"name": "rover"}]
+        assert reader.get_header().library.startswith("another tool; recovered by pilotage")
 
 
 def test_recovering_again_changes_nothing(whole: Path, tmp_path: Path) -> None:

@@ -47,8 +47,8 @@ class ContainerWriter:
     """Records going into a `GrowingFile`, which is only whole after `finish`.
 
     A chunk is in the hands of the system before the next one begins: a killed process loses what
-    came since, a second at most while messages come. Writing raises RunError naming the file; what it holds then are whole
-    records.
+    came since, a second at most while messages come. Writing raises RunError naming the file; what
+    it holds then are whole records.
     """
 
     def __init__(self, file: GrowingFile, *, library: str, profile: str = PROFILE) -> None:
