@@ -175,7 +175,7 @@ def test_a_chunk_with_a_flipped_bit_is_left_out(whole: Path, tmp_path: Path) -> 
 
 def test_attachments_and_metadata_stay(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as stream:
-        writer = Writer(stream)
+        writer = Writer(stream, chunk_size=1)
         writer.start(profile="ros2", library="another tool")
         channel = writer.register_channel("/a", "cdr", writer.register_schema("a", "ros2msg", b""))
         writer.add_message(channel, 5, b"message", 5)
