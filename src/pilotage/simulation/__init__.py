@@ -4,7 +4,7 @@
 from pilotage.simulation.body import Body, Motion, Pose2
 from pilotage.simulation.drives import Drive
 from pilotage.simulation.faults import Fault, read_faults
-from pilotage.simulation.paths import Path, parse_path
+from pilotage.simulation.paths import DrivePath, parse_path
 from pilotage.simulation.physics import Simulation
 from pilotage.simulation.world import World
 from pilotage.simulation.worlds import load_world
@@ -12,9 +12,9 @@ from pilotage.simulation.worlds import load_world
 __all__ = [
     "Body",
     "Drive",
+    "DrivePath",
     "Fault",
     "Motion",
-    "Path",
     "Pose2",
     "Simulation",
     "World",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pilotage.errors import InputError
 from pilotage.simulation.body import REST, Motion
-from pilotage.simulation.paths import SPACING_M, Path, Points, parse_path
+from pilotage.simulation.paths import SPACING_M, DrivePath, Points, parse_path
 from pilotage.simulation.physics import Simulation
 
 PERIOD_NS = 20_000_000
@@ -35,7 +35,9 @@ class Drive:
     such as `closed-10m`; InputError when there is none such or the speed is not positive.
     """
 
-    def __init__(self, simulation: Simulation, path: Path | str, *, speed_m_s: float = 0.4) -> None:
+    def __init__(
+        self, simulation: Simulation, path: DrivePath | str, *, speed_m_s: float = 0.4
+    ) -> None:
         if not 0.01 <= speed_m_s <= 2:
             raise InputError(f"speed_m_s = {speed_m_s!r}: must lie from 0.01 to 2")
         self.path = parse_path(path) if isinstance(path, str) else path

@@ -22,7 +22,7 @@ def add_mark(scene: Scene, letter: str, position_m: tuple[float, float, float]) 
     colour = scene.paint(f"mark_{letter}", COLOURS[letter])
     white = scene.paint("mark_white", WHITE)
     for index, (share, half_height_m, coloured) in enumerate(RINGS):
-        scene.ground.geom(
+        scene.world.geom(
             "cylinder",
             [share * MARK_RADIUS_M, half_height_m],
             position_m,

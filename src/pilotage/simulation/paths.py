@@ -20,7 +20,7 @@ _CORNER = 0.12  # radius of a square's corners, as a part of its side
 
 
 @dataclass(frozen=True)
-class Path:
+class DrivePath:
     """`points` (N, 2), metres in the frame of the start, which they leave along x."""
 
     name: str
@@ -37,7 +37,7 @@ class Path:
         return np.asarray((self.points.min(axis=0) + self.points.max(axis=0)) / 2)
 
 
-def parse_path(name: str) -> Path:
+def parse_path(name: str) -> DrivePath:
     """Return the path called `<shape>-<length>m`; InputError tells shapes and lengths."""
     match = re.fullmatch(r"([a-z]+)-(\d+(?:\.\d+)?)m", name) if isinstance(name, str) else None
     shapes = ", ".join(SHAPES)
@@ -51,7 +51,7 @@ def parse_path(name: str) -> Path:
             f"path {name!r}: its length must lie from {SHORTEST_M:g} to {LONGEST_M:g} m"
         )
     points = _scaled(SHAPES[match[1]](), length_m)
-    return Path(name, points, is_closed=match[1] not in OPEN_SHAPES)
+    return DrivePath(name, points, is_closed=match[1] not in OPEN_SHAPES)
 
 
 def distances_m(points: Points, path: Points) -> NDArray[np.float64]:

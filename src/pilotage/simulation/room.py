@@ -30,7 +30,7 @@ def add_floor(scene: Scene, kind: str) -> None:
     """Add the floor, one of `FLOORS`, at height 0."""
     material = scene.surface(kind, name="floor")
     contact = FLOORS[kind].attributes()
-    scene.ground.geom("plane", [0, 0, 1], [0, 0, 0], material, name="ground", **contact)
+    scene.world.geom("plane", [0, 0, 1], [0, 0, 0], material, name="ground", **contact)
 
 
 def add_wall(scene: Scene, name: str, begin: Points, end: Points) -> Wall:
@@ -82,11 +82,11 @@ def add_poster(scene: Scene, wall: Wall, along_m: float, name: str) -> None:
 def add_ceiling(scene: Scene, middle: Points, half: Points) -> None:
     """Add a ceiling over the rectangle of half extents `half` (2,) around `middle` (2,)."""
     material = scene.surface("plaster", name="ceiling")
-    scene.ground.geom("box", [*half, 0.02], [*middle, HEIGHT_M + 0.02], material)
+    scene.world.geom("box", [*half, 0.02], [*middle, HEIGHT_M + 0.02], material)
 
 
 def add_lamp(scene: Scene, name: str, place: Points) -> None:
     """Add a lamp with its white panel under the ceiling."""
     panel = scene.paint("lamp_panel", (1.0, 1.0, 0.97))
-    scene.ground.geom("box", [0.3, 0.3, 0.01], [*place, HEIGHT_M - 0.01], panel, solid=False)
+    scene.world.geom("box", [0.3, 0.3, 0.01], [*place, HEIGHT_M - 0.01], panel, solid=False)
     scene.lamp(name, [*place, HEIGHT_M - 0.1])

@@ -44,7 +44,7 @@ class Scene:
         self._custom = ElementTree.SubElement(self._root, "custom")
         self._asset = ElementTree.SubElement(self._root, "asset")
         self._world = ElementTree.SubElement(self._root, "worldbody")
-        self.ground = Part(self._world)
+        self.world = Part(self._world)
         self._materials: set[str] = set()
 
     def surface(self, kind: str, *, name: str | None = None, scale: float = 1.0) -> str:

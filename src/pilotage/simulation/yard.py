@@ -78,19 +78,19 @@ def _add_ground(scene: Scene, kind: str, relief: Relief) -> None:
     contact = GROUNDS[kind].attributes()
     lowest, highest = float(relief.heights_m.min()), float(relief.heights_m.max())
     if highest == lowest:
-        scene.ground.geom("plane", [0, 0, 1], [0, 0, 0], material, name="ground", **contact)
+        scene.world.geom("plane", [0, 0, 1], [0, 0, 0], material, name="ground", **contact)
         return
     height = highest - lowest
     scene.height_field(
         "relief", [relief.half_m, relief.half_m, height, 0.5], (relief.heights_m - lowest) / height
     )
     x, y = relief.centre_m
-    scene.ground.geom(
+    scene.world.geom(
         "hfield", [], [x, y, lowest], material, name="ground", hfield="relief", **contact
     )
     # The land beyond the yard, seen up to the horizon.
     below = lowest - 0.02
-    scene.ground.geom("plane", [0, 0, 1], [0, 0, below], material, name="beyond", **contact)
+    scene.world.geom("plane", [0, 0, 1], [0, 0, below], material, name="beyond", **contact)
 
 
 def _add_objects(scene: Scene, options: YardOptions, layout: Layout, relief: Relief) -> None:
