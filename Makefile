@@ -2,11 +2,12 @@
 # Everything runs in .venv, which `make setup` builds from requirements.lock.
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup build test localize lint format typecheck stubs check-stubs wheel bench golden \
+.PHONY: help setup build test demo localize lint format typecheck stubs check-stubs wheel bench golden \
   lock clean
 
 PYTHON ?= python3
 OUT ?= out
+DEMO ?= demo
 VENV := .venv
 BIN := $(VENV)/bin
 BUILD := build/python
@@ -49,6 +50,12 @@ test: setup ## Run every test: C++, then Python
 	$(BIN)/cmake --build $(BUILD) --target cpp_tests
 	$(BIN)/ctest --test-dir $(BUILD) --output-on-failure --no-tests=error
 	$(BIN)/python -m pytest
+
+demo: setup ## Drive a simulated rover 10 m round a yard and find its way from its cameras
+	rm -rf "$(DEMO)"
+	$(BIN)/pilotage simulate yard --seed 7 --path closed-10m --rate-hz 5 --speed 0.5 -o "$(DEMO)/recording"
+	$(BIN)/pilotage localize "$(DEMO)/recording" -o "$(DEMO)/out"
+	$(BIN)/pilotage evaluate "$(DEMO)/out"
 
 localize: setup ## Localize one recording: make localize RECORDING=path [OUT=out]
 	@test -n "$(RECORDING)" || { echo "usage: make localize RECORDING=path [OUT=out]" >&2; exit 2; }

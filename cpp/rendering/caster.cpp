@@ -107,7 +107,8 @@ void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shape, cons
   const Floats toward = normal.x * to_sun_[0] + normal.y * to_sun_[1] + normal.z * to_sun_[2];
   const Ints is_dark = (toward <= 0.0f) | in_shadow(point, normal, mask & (toward > 0.0f), shading);
   const Floats sun = is_dark ? splat(0) : scene_.light.sun * toward;
-  const Floats light = sun + scene_.light.sky * (0.5f + 0.5f * normal.z);
+  // What faces down has the light that the ground throws back.
+  const Floats light = sun + scene_.light.sky * (0.6f + 0.4f * normal.z);
   for (int c = 0; c < channels_; ++c) {
     const float tint = channels_ == 1 ? material.colour.dot(Eigen::Vector3f(0.299f, 0.587f, 0.114f))
                                       : material.colour[c];

@@ -128,46 +128,49 @@ PILOTAGE_INLINE void heights_at(const HeightField& field, const Floats& x, const
   *slope_y = per_y * (far - near);
 }
 
-/// Steps that the steepest slope allows until the ground is near, then Newton's.
-PILOTAGE_INLINE Floats meet_height_field(const PlacedShape& s, const Rays& r, float nearest) {
-  constexpr int longest_march = 48, newton_steps = 4;
-  constexpr float near_m = 0.002f;
+/// Distance at which the rays come into the box about the field, or `nearest` where they begin in
+/// it.
+PILOTAGE_INLINE Floats enter_height_field(const PlacedShape& s, const Rays& r, float nearest) {
   const HeightField& field = *s.height_field;
-  const float middle = 0.5f * (field.lowest_m + field.highest_m);
   PlacedShape bounds = s;
   bounds.size[0] = field.half_x_m;
   bounds.size[1] = field.half_y_m;
   bounds.size[2] = 0.5f * (field.highest_m - field.lowest_m) + 1e-3f;
   Rays lifted = r;
-  lifted.origin.z = r.origin.z - middle;
-  const Vectors magnitude{abs(lifted.origin.x), abs(lifted.origin.y), abs(lifted.origin.z)};
-  const Ints is_within = (magnitude.x < bounds.size[0]) & (magnitude.y < bounds.size[1]) &
-                         (magnitude.z < bounds.size[2]);
-  const Floats entry = meet_box(bounds, lifted, nearest);
-  Floats t = is_within ? splat(nearest) : entry;
+  lifted.origin.z = r.origin.z - 0.5f * (field.lowest_m + field.highest_m);
+  const Ints is_within = (abs(lifted.origin.x) < bounds.size[0]) &
+                         (abs(lifted.origin.y) < bounds.size[1]) &
+                         (abs(lifted.origin.z) < bounds.size[2]);
+  return is_within ? splat(nearest) : meet_box(bounds, lifted, nearest);
+}
+
+/// Steps that the steepest slope allows until the ground is near, then Newton's.
+PILOTAGE_INLINE Floats meet_height_field(const PlacedShape& s, const Rays& r, float nearest) {
+  constexpr int longest_march = 48, newton_steps = 4;
+  constexpr float near_m = 0.002f;
+  const HeightField& field = *s.height_field;
+  Floats t = enter_height_field(s, r, nearest);
   Ints is_live = t < infinity;
   const Floats across = sqrt(r.direction.x * r.direction.x + r.direction.y * r.direction.y);
   const Floats closing = abs(r.direction.z) + field.steepest * across;
-  Floats above{}, slope_x{}, slope_y{};
+  Floats above{}, height{}, slope_x{}, slope_y{};
   for (int i = 0; i < longest_march && any(is_live); ++i) {
     const Floats safe = is_live ? t : splat(0);
-    const Floats x = r.origin.x + safe * r.direction.x, y = r.origin.y + safe * r.direction.y;
-    Floats height;
-    heights_at(field, x, y, height, nullptr, nullptr);
-    above = r.origin.z + safe * r.direction.z - height;
+    const Vectors p = r.origin + safe * r.direction;
+    heights_at(field, p.x, p.y, height, nullptr, nullptr);
+    above = p.z - height;
     const Ints is_far = is_live & (above > near_m);
     t = is_far ? t + above / closing : t;
-    const Ints is_outside = (abs(x) > field.half_x_m + 1e-4f) | (abs(y) > field.half_y_m + 1e-4f) |
-                            (above > bounds.size[2] * 2 + 0.01f);
+    const Ints is_outside = (abs(p.x) > field.half_x_m + 1e-4f) |
+                            (abs(p.y) > field.half_y_m + 1e-4f) | (p.z > field.highest_m + 0.01f);
     t = is_live & is_outside ? splat(infinity) : t;
     is_live = is_far & ~is_outside;
   }
   for (int i = 0; i < newton_steps; ++i) {
     const Floats safe = t < infinity ? t : splat(0);
-    const Floats x = r.origin.x + safe * r.direction.x, y = r.origin.y + safe * r.direction.y;
-    Floats height;
-    heights_at(field, x, y, height, &slope_x, &slope_y);
-    above = r.origin.z + safe * r.direction.z - height;
+    const Vectors p = r.origin + safe * r.direction;
+    heights_at(field, p.x, p.y, height, &slope_x, &slope_y);
+    above = p.z - height;
     const Floats rate = r.direction.z - slope_x * r.direction.x - slope_y * r.direction.y;
     t = (t < infinity) & (rate < -1e-4f) ? t - above / rate : t;
   }

@@ -11,6 +11,7 @@ from pilotage.cli.convert import convert
 from pilotage.cli.evaluate import evaluate
 from pilotage.cli.localize import localize
 from pilotage.cli.recover import recover
+from pilotage.cli.simulate import simulate
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -22,6 +23,7 @@ app.command()(localize)
 app.command()(evaluate)
 app.command()(convert)
 app.command()(recover)
+app.command()(simulate)
 
 
 def _print_version(wanted: bool) -> None:

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What MuJoCo's model looks like to our rendered cameras."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from pilotage import Camera, Transform, _core
+from pilotage.errors import InputError
+from pilotage.simulation.options import unknown
+from pilotage.simulation.physics import Simulation
+from pilotage.simulation.scene import SURFACE_PREFIX
+from pilotage.simulation.surfaces import SURFACES, SurfacePainter
+
+LUMINANCE = np.array([0.299, 0.587, 0.114])
+HIDDEN_GROUP = 3  # geoms of this group and above are not drawn, as in MuJoCo's own viewer
+SUN, SKY, INDOORS, BACKGROUND = 0.75, 0.4, 1.0, 0.9
+KINDS = {
+    mujoco.mjtGeom.mjGEOM_PLANE: _core.ShapeKind.plane,
+    mujoco.mjtGeom.mjGEOM_HFIELD: _core.ShapeKind.height_field,
+    mujoco.mjtGeom.mjGEOM_SPHERE: _core.ShapeKind.sphere,
+    mujoco.mjtGeom.mjGEOM_CAPSULE: _core.ShapeKind.capsule,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: _core.ShapeKind.ellipsoid,
+    mujoco.mjtGeom.mjGEOM_CYLINDER: _core.ShapeKind.cylinder,
+    mujoco.mjtGeom.mjGEOM_BOX: _core.ShapeKind.box,
+    mujoco.mjtGeom.mjGEOM_MESH: _core.ShapeKind.mesh,
+}
+
+
+class Pictures:
+    """Renders a simulation's cameras; InputError names a surface that is not known."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._model: Any = simulation.model
+        self._scene = _core.Scene()
+        self._painter = SurfacePainter(self._scene)
+        self._notes = _surface_notes(self._model)
+        self._materials: dict[tuple[int, ...] | int, int] = {}
+        self._moving: list[tuple[int, int]] = []  # geom, shape
+        for geom in range(self._model.ngeom):
+            self._add_geom(geom)
+        self._set_light()
+
+    def radiance(  # noqa: PLR0913, what a view is made of
+        self,
+        name: str,
+        rays: _core.CameraRays,
+        *,
+        first_ns: int,
+        last_ns: int,
+        channels: int = 1,
+        threads: int = 2,
+    ) -> np.ndarray[Any, np.dtype[np.float32]]:
+        """Return (H, W) or (H, W, 3) radiance while the rows were exposed from first to last.
+
+        Things that move by themselves are where they were at the simulation's newest step.
+        """
+        for geom, shape in self._moving:
+            self._scene.set_pose(shape, self._geom_pose(geom))
+        first, last = self._simulation.camera_poses(name, [first_ns, last_ns])
+        seen = _core.render(
+            self._scene,
+            rays,
+            world_from_camera=first,
+            world_from_camera_last=last,
+            channels=channels,
+            threads=threads,
+            edge_samples=16,
+        )
+        return np.asarray(seen["radiance"])
+
+    def _add_geom(self, geom: int) -> None:
+        model = self._model
+        is_seen = model.geom_rgba[geom, 3] > 0 and model.geom_group[geom] < HIDDEN_GROUP
+        kind = KINDS.get(mujoco.mjtGeom(int(model.geom_type[geom])))
+        if not is_seen or kind is None:
+            return
+        shape = self._scene.add_shape(
+            kind=kind,
+            size_m=model.geom_size[geom].tolist(),
+            material=self._material(geom),
+            world_from_shape=self._geom_pose(geom),
+            data=self._data(geom, kind),
+        )
+        if (
+            model.body_weldid[model.geom_bodyid[geom]] != 0
+            or model.body_mocapid[model.geom_bodyid[geom]] >= 0
+        ):
+            self._moving.append((geom, shape))
+
+    def _geom_pose(self, geom: int) -> Transform:
+        pose = np.eye(4)
+        pose[:3, :3] = self._simulation.data.geom_xmat[geom].reshape(3, 3)
+        pose[:3, 3] = self._simulation.data.geom_xpos[geom]
+        return Transform.from_matrix(pose)
+
+    def _data(self, geom: int, kind: _core.ShapeKind) -> int:
+        model, number = self._model, self._model.geom_dataid[geom]
+        if kind == _core.ShapeKind.height_field:
+            rows, columns = model.hfield_nrow[number], model.hfield_ncol[number]
+            first = model.hfield_adr[number]
+            half_x_m, half_y_m, top_m, _ = model.hfield_size[number].tolist()
+            heights = model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+            return self._scene.add_height_field(
+                heights_m=np.ascontiguousarray(top_m * heights, np.float32),
+                half_x_m=half_x_m,
+                half_y_m=half_y_m,
+            )
+        if kind == _core.ShapeKind.mesh:
+            vertex, face = model.mesh_vertadr[number], model.mesh_faceadr[number]
+            vertices = model.mesh_vert[vertex : vertex + model.mesh_vertnum[number]]
+            faces = model.mesh_face[face : face + model.mesh_facenum[number]]
+            return self._scene.add_mesh(
+                vertices_m=np.ascontiguousarray(vertices, np.float32),
+                faces=np.ascontiguousarray(faces, np.int32),
+            )
+        return -1
+
+    def _material(self, geom: int) -> int:
+        """Return the scene's material of a geom: by its surface, or one plain colour."""
+        model, number = self._model, int(self._model.geom_matid[geom])
+        rgb = (model.mat_rgba[number] if number >= 0 else model.geom_rgba[geom])[:3]
+        key: tuple[int, ...] | int = number if number >= 0 else tuple((255 * rgb).astype(int))
+        if key not in self._materials:
+            albedo = max(0.02, float(rgb @ LUMINANCE))
+            red, green, blue = (rgb / albedo).tolist()
+            note = self._notes.get(model.material(number).name) if number >= 0 else None
+            if note is None:
+                made = _core.Material(albedo=albedo, colour=(red, green, blue))
+            else:
+                kind, seed, scale = note
+                made = self._painter.material(
+                    kind, albedo=albedo, colour=(red, green, blue), seed=seed, scale=scale
+                )
+            self._materials[key] = self._scene.add_material(made)
+        return self._materials[key]
+
+    def _set_light(self) -> None:
+        model = self._model
+        directional = int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+        suns = [i for i in range(model.nlight) if model.light_type[i] == directional]
+        to_sun = -model.light_dir[suns[0]] if suns else np.array([0.0, 0.0, 1.0])
+        self._scene.set_light(
+            to_sun=to_sun.tolist(),
+            sun=SUN if suns else 0.0,
+            # Indoors the lamps and walls light from everywhere.
+            sky=SKY if suns else INDOORS,
+            background=BACKGROUND,
+        )
+
+
+def camera_rays(camera: Camera) -> _core.CameraRays:
+    """Return the rays of a camera's pixels, made once and used for every picture."""
+    return _core.CameraRays(camera)
+
+
+def _surface_notes(model: Any) -> dict[str, tuple[str, int, float]]:
+    """Return kind, seed and scale by material, from `<custom>` texts."""
+    notes = {}
+    for i in range(model.ntext):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, i)
+        if not name.startswith(SURFACE_PREFIX):
+            continue
+        first = model.text_adr[i]
+        data = bytes(model.text_data[first : first + model.text_size[i]]).rstrip(b"\0").decode()
+        kind, *settings = data.split()
+        if kind not in SURFACES:
+            raise InputError(f"{name}: surface {kind!r} {unknown(kind, SURFACES)}")
+        values = dict(setting.split("=", 1) for setting in settings)
+        notes[name.removeprefix(SURFACE_PREFIX)] = (
+            kind,
+            int(values.get("seed", 0)),
+            float(values.get("scale", 1)),
+        )
+    return notes

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Procedural surfaces: what grounds and things look like to a rendered camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import cKDTree
+
+from pilotage import _core
+
+Array = NDArray[np.float64]
+SIDE = 512
+# A sample's values are kept within this many standard deviations.
+WIDEST_SIGMA = 3.0
+# Each band is shown by two layers a little apart in size: where one repeats, the other does not.
+SIZE_RATIO = 0.87
+
+
+@dataclass(frozen=True)
+class Band:
+    """Detail of some size: a style, metres a texel, and its standard deviation over the albedo."""
+
+    style: str
+    texel_m: float
+    contrast: float
+
+
+SURFACES: dict[str, tuple[Band, ...]] = {
+    "asphalt": (Band("grains", 0.0006, 0.22), Band("octaves", 0.01, 0.14)),
+    "soil": (
+        Band("octaves", 0.0005, 0.20),
+        Band("grains", 0.002, 0.14),
+        Band("octaves", 0.02, 0.18),
+    ),
+    "sand": (Band("grains", 0.0003, 0.14), Band("octaves", 0.004, 0.10)),
+    "carpet": (Band("fibres", 0.0004, 0.18), Band("octaves", 0.008, 0.10)),
+    "plaster": (Band("octaves", 0.0006, 0.06), Band("octaves", 0.012, 0.07)),
+    "wood": (Band("fibres", 0.0012, 0.16), Band("octaves", 0.02, 0.10)),
+    "grass": (Band("fibres", 0.0008, 0.38), Band("octaves", 0.012, 0.24)),
+    "gravel": (Band("grains", 0.0014, 0.34), Band("octaves", 0.016, 0.12)),
+    "brick": (Band("octaves", 0.0008, 0.12), Band("grains", 0.008, 0.20)),
+    "poster": (Band("grains", 0.004, 0.45), Band("octaves", 0.01, 0.20)),
+    "bark": (Band("fibres", 0.001, 0.30), Band("octaves", 0.01, 0.16)),
+    "leaves": (Band("grains", 0.004, 0.40), Band("octaves", 0.02, 0.20)),
+}
+
+
+def octaves(random: np.random.Generator) -> Array:
+    """Return (SIDE, SIDE) noise of equal strength in every octave."""
+    return _shaped(random, np.hypot)
+
+
+def fibres(random: np.random.Generator) -> Array:
+    """Return the same drawn out along y, as threads, blades and grain are."""
+    return _shaped(random, lambda fx, fy: np.hypot(0.4 * fx, 3.0 * fy))
+
+
+def grains(random: np.random.Generator) -> Array:
+    """Return stones: cells about random points, each of one brightness, dark between them."""
+    points = random.uniform(0, SIDE, (SIDE * SIDE // 60, 2))
+    shade = random.normal(size=len(points))
+    y, x = np.mgrid[:SIDE, :SIDE]
+    places = np.column_stack([x.ravel(), y.ravel()])
+    away, nearest = cKDTree(points, boxsize=SIDE).query(places, k=2)
+    between = np.exp(-(((away[:, 1] - away[:, 0]) / 1.5) ** 2))
+    values = shade[nearest[:, 0]] - 1.5 * between
+    return np.asarray(gaussian_filter(values.reshape(SIDE, SIDE), 0.6, mode="wrap"))
+
+
+STYLES: dict[str, Callable[[np.random.Generator], Array]] = {
+    "octaves": octaves,
+    "fibres": fibres,
+    "grains": grains,
+}
+
+
+class SurfacePainter:
+    """Makes the materials of one scene; samples are drawn once for each style."""
+
+    def __init__(self, scene: _core.Scene) -> None:
+        self._scene = scene
+        self._exemplars: dict[str, int] = {}
+
+    def material(
+        self,
+        kind: str,
+        *,
+        albedo: float,
+        colour: tuple[float, float, float],
+        seed: int,
+        scale: float,
+    ) -> _core.Material:
+        """Return the surface `kind` of that mean albedo; `scale` 2 is twice as coarse."""
+        layers = []
+        for number, band in enumerate(SURFACES[kind]):
+            # Two layers, neither alike: their variances add up to the band's.
+            amplitude = WIDEST_SIGMA * band.contrast * albedo / np.sqrt(2)
+            for part, ratio in enumerate((1.0, SIZE_RATIO)):
+                layers.append(
+                    _core.SurfaceLayer(
+                        exemplar=self._exemplar(band.style),
+                        amplitude=amplitude,
+                        texel_m=scale * ratio * band.texel_m,
+                        seed=(seed + 7919 * number + 104729 * part) % 2**32,
+                    )
+                )
+        return _core.Material(albedo=albedo, colour=colour, layers=layers)
+
+    def _exemplar(self, style: str) -> int:
+        if style not in self._exemplars:
+            random = np.random.default_rng(list(STYLES).index(style))
+            values = STYLES[style](random)
+            values = (values - values.mean()) / (WIDEST_SIGMA * values.std())
+            sample = np.ascontiguousarray(np.clip(values, -1, 1), np.float32)
+            self._exemplars[style] = self._scene.add_exemplar(sample)
+        return self._exemplars[style]
+
+
+def _shaped(random: np.random.Generator, frequency: Callable[[Array, Array], Array]) -> Array:
+    fy, fx = np.meshgrid(np.fft.fftfreq(SIDE), np.fft.fftfreq(SIDE), indexing="ij")
+    # Power over the squared frequency: equal in every octave of a picture.
+    size = np.maximum(frequency(fx, fy), 1.0 / SIDE)
+    spectrum = np.fft.fft2(random.normal(size=(SIDE, SIDE))) / size
+    spectrum[0, 0] = 0
+    return np.asarray(np.fft.ifft2(spectrum).real)
