@@ -288,7 +288,12 @@ def test_a_killed_recorder_loses_a_second_at_most(tmp_path: Path) -> None:
         "    print('ready', flush=True)\n    time.sleep(60)\n"
     )
     command = [sys.executable, "-c", code, str(tmp_path / "a.mcap")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ) as recorder:
+    here = str(Path(__file__).parent)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH")])),
+    }
+    with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as recorder:
         assert recorder.stdout is not None
         assert recorder.stdout.readline() == b"ready\n"
         recorder.send_signal(signal.SIGKILL)
