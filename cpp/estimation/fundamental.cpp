@@ -34,6 +34,11 @@ constexpr int min_off_plane = 10;
 /// are found in so many draws even if one in seven of what lies off the plane is good.
 constexpr double dominance = 0.7;
 constexpr int parallax_samples = 200;
+/// With a fifth of blunders or more F is searched for again, from so many draws of so many matches.
+constexpr double few_blunders = 0.8;
+constexpr int inner_size = 14;
+constexpr int inner_draws = 30;
+constexpr double noise_limit_sigma = 3;
 
 int count_of(const std::vector<char>& marks) {
   return static_cast<int>(std::count(marks.begin(), marks.end(), 1));
@@ -56,6 +61,7 @@ class Search {
   bool find_fundamental(std::span<const float> qualities);
   int weigh_within(double limit_px);
   void refine(const Matrix3d& candidate);
+  void search_within();
   bool reject_repeatedly();
   DominantPlane find_plane() const;
   bool improve_by_parallax(const DominantPlane& plane);
@@ -67,6 +73,7 @@ class Search {
   std::span<const Vector2d> points_a_, points_b_;
   const EpipolarOptions& options_;
   EpipolarMatches matches_;
+  double limit_px_ = options_.threshold_px;
   Matrix3d fundamental_;  ///< normalised coordinates
   float best_cost_ = std::numeric_limits<float>::infinity();
   std::vector<float> distances_px_, gradients2_, weights_;
@@ -92,7 +99,7 @@ void Search::refine(const Matrix3d& candidate) {
   Matrix3d best = fundamental_;
   fundamental_ = candidate;
   for (const double widening : refine_widenings) {
-    if (weigh_within(widening * options_.threshold_px) < 9) break;
+    if (weigh_within(widening * limit_px_) < 9) break;
     fundamental_ = widening == refine_widenings.front()
                        ? fit_fundamental(matches_, weights_)
                        : step_fundamental(matches_, weights_, fundamental_);
@@ -126,6 +133,32 @@ bool Search::find_fundamental(std::span<const float> qualities) {
                       required_samples(share, 8, options_.confidence, options_.max_samples));
   }
   return std::isfinite(best_cost_);
+}
+
+/// Many blunders near the line hide which of several minima is the true one: fits F to draws from
+/// what lies near it now, and compares them at the limit that the noise itself asks for.
+void Search::search_within() {
+  if (weigh_within(options_.threshold_px) > few_blunders * matches_.count) return;
+  std::vector<int> near;
+  std::vector<double> magnitudes;
+  for (int i = 0; i < matches_.count; ++i) {
+    if (weights_[i] == 0) continue;
+    near.push_back(i);
+    magnitudes.push_back(std::abs(distances_px_[i]));
+  }
+  if (near.size() <= inner_size) return;
+  const double sigma = std::max(options_.min_sigma_px, sigma_from_median(magnitudes));
+  limit_px_ = std::min(options_.threshold_px, noise_limit_sigma * sigma);
+  matches_ = EpipolarMatches(points_a_, points_b_, limit_px_);
+  best_cost_ = sampson_cost(matches_, fundamental_, std::numeric_limits<float>::infinity());
+  Sampler sampler(static_cast<int>(near.size()), inner_size, {}, options_.seed + 3);
+  for (int draw = 0; draw < inner_draws; ++draw) {
+    std::array<int, inner_size> sample;
+    sampler.draw(sample);
+    weights_.assign(matches_.padded, 0.0F);
+    for (const int i : sample) weights_[near[i]] = 1;
+    refine(fit_fundamental(matches_, weights_));
+  }
 }
 
 /// Sigma of those within `limit`, which blunders beyond it cannot inflate.
@@ -245,6 +278,7 @@ bool Search::measure_paper() {
 
 EpipolarCheck Search::run(std::span<const float> qualities) {
   if (matches_.count < options_.min_inliers || !find_fundamental(qualities)) return check_;
+  search_within();
   check_.ok = reject_repeatedly();
   if (!check_.ok) return check_;
   const DominantPlane plane = find_plane();

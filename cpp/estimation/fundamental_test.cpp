@@ -63,7 +63,7 @@ BOOST_AUTO_TEST_CASE(blunders_are_found_and_good_matches_kept) {
   strict.options.threshold_px = 1.5;
   strict.options.rejection = 3;
   // The default leaves to the resection what lies near its line, good or not.
-  const Limits wide{{}, 0.995, 0.04, 0.1};
+  const Limits wide{{}, 0.995, 0.04, 0.05};
   const int trials = 20;
   for (const Limits& limits : {strict, wide}) {
     Random random(31);
