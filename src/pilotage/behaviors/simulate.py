@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -14,14 +15,16 @@ from pilotage.errors import InputError
 from pilotage.recordings.mcap_writer import McapWriter
 from pilotage.simulation import Drive, Simulation
 from pilotage.simulation.body import Pose2
-from pilotage.simulation.pictures import Pictures, camera_rays
+from pilotage.simulation.camera_faults import written_rig
+from pilotage.simulation.camera_group import CameraGroup
 from pilotage.simulation.scene import yaw_quaternion
-from pilotage.simulation.sensor import Exposer, Sensor
+from pilotage.simulation.sensor import Sensor
 
 # The rover paper's camera at its full width; smaller pictures see the same.
 FULL_WIDTH_PX, FULL_FOCAL_PX = 1280, 855.0
 DISTORTION = [-0.12, 0.03, 0.0003, -0.0002, 0.0]
 LEFT, RIGHT = "front_left", "front_right"
+Encoding = Literal["mono8", "bgr8"]
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,8 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
     period_ns, next_ns, length_m = round(1e9 / rate_hz), simulation.time_ns, 0.0
     before = simulation.robot_pose().translation_m
     with McapWriter(out) as writer:
-        writer.add_rig(rig, timestamp_ns=simulation.time_ns)
+        written = written_rig(rig, simulation.faults, "front")
+        writer.add_rig(written, timestamp_ns=simulation.time_ns)
         for time_ns in drive:
             here = simulation.robot_pose().translation_m
             length_m += float(np.linalg.norm(here - before))
@@ -97,30 +101,33 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
 
 
 class _Recorder:
-    """Takes the pair of the present moment and writes it."""
+    """Takes the pair of the present moment and writes what comes of it."""
 
     def __init__(
         self, simulation: Simulation, rig: StereoRig, sensor: Sensor, *, seed: int
     ) -> None:
         self._simulation = simulation
-        self._pictures = Pictures(simulation)
-        self._rays = {LEFT: camera_rays(rig.left), RIGHT: camera_rays(rig.right)}
-        self._exposer = Exposer(sensor, seed=seed)
+        cameras = {LEFT: rig.left, RIGHT: rig.right}
+        self._group = CameraGroup(simulation, cameras, sensor, seed=seed)
+        self._encoding: Encoding = "bgr8" if sensor.channels == 3 else "mono8"
         self.pairs = 0
 
     def write(self, writer: McapWriter) -> None:
         now_ns = self._simulation.time_ns
-        radiances = [
-            self._pictures.radiance(name, rays, first_ns=now_ns, last_ns=now_ns)
-            for name, rays in self._rays.items()
-        ]
-        self._exposer.regulate(radiances[0])
-        left, right = (self._exposer.expose(radiance) for radiance in radiances)
-        writer.write_pair(timestamp_ns=now_ns, left=left, right=right)
+        shot = self._group.take()
         odometry = _planar(self._simulation.body.odometry)
         writer.write_odometry(timestamp_ns=now_ns, odom_from_robot=odometry)
-        writer.write_truth(timestamp_ns=now_ns, world_from_body=self._simulation.robot_pose())
-        self.pairs += 1
+        if shot is None:
+            return
+        for name, picture in shot.pictures.items():
+            stamp_ns = shot.stamps_ns[name]
+            writer.write_picture(
+                name, timestamp_ns=stamp_ns, picture=picture, encoding=self._encoding
+            )
+        # The truth is of the moment the pictures show, whatever their stamps say.
+        truth = self._simulation.robot_pose(shot.taken_ns)
+        writer.write_truth(timestamp_ns=shot.taken_ns, world_from_body=truth)
+        self.pairs += len(shot.pictures) == 2
 
 
 def _planar(pose: Pose2) -> Transform:

@@ -34,8 +34,11 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
     rate_hz: Annotated[float, typer.Option(help="Pairs a second.")] = 10.0,
     width: Annotated[int, typer.Option(help="Of the pictures, pixels; 4:3.")] = 640,
     faults: Annotated[
-        Path | None, typer.Option(help="YAML list of faults: name, onset_s, size.")
+        Path | None, typer.Option(help="YAML list of faults, see docs/worlds.md.")
     ] = None,
+    camera: Annotated[
+        str, typer.Option(help="How its cameras err: good, ideal, realistic, or a YAML file.")
+    ] = "good",
     debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
 ) -> None:
     """Example: pilotage simulate yard --seed 7 --ground gravel --path closed-10m -o yard7
@@ -47,11 +50,12 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
     with errors_to_exit(debug=debug):
         from pilotage.behaviors.simulate import record_drive
         from pilotage.simulation import Drive, Simulation, load_world, read_faults
-        from pilotage.simulation.sensor import Sensor
+        from pilotage.simulation.sensor import read_sensor
 
         options = _options(world, ground, path, settings or [])
         loaded = load_world(world, seed=seed, options=options)
         acting = read_faults(faults) if faults is not None else ()
+        sensor = read_sensor(camera)
         simulation = Simulation(loaded, "rover", seed=seed, faults=acting)
         drive = Drive(simulation, path, speed_m_s=speed)
         file = _prepare(out)
@@ -62,7 +66,7 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
                 out=file,
                 width_px=width,
                 rate_hz=rate_hz,
-                sensor=Sensor(),
+                sensor=sensor,
                 on_pair=_Lines(world),
             )
         if not done.has_arrived:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol, cast
 
 from pilotage import Transform
 from pilotage.errors import InputError
-from pilotage.simulation.faults import Disturbance
+from pilotage.simulation.disturbance import Disturbance
 from pilotage.simulation.options import unknown
 
 # A body's parts are called by this prefix in the model: `robot/chassis`.

@@ -12,8 +12,10 @@ import numpy as np
 from pilotage import Transform
 from pilotage.errors import InputError, RunError
 from pilotage.simulation.body import PREFIX, Body, make_body
-from pilotage.simulation.faults import Fault, disturbance
+from pilotage.simulation.disturbance import disturbance
+from pilotage.simulation.faults import Fault, check_faults
 from pilotage.simulation.history import PoseHistory
+from pilotage.simulation.mark_covers import cover_marks
 from pilotage.simulation.optics import MUJOCO_FROM_CAMERA
 from pilotage.simulation.options import check_seed, unknown
 from pilotage.simulation.scene import START, WALK_PREFIX, yaw_quaternion
@@ -22,7 +24,7 @@ from pilotage.simulation.walkers import Walk, read_walk
 from pilotage.simulation.world import World
 
 STEP_NS = 2_000_000
-REMEMBERED_STEPS = 150  # 0.3 s: longer than any exposure and read-out
+REMEMBERED_STEPS = 200  # 0.4 s: longer than any exposure, read-out and want of step together
 SETTLING_STEPS = 400
 SEARCH_HEIGHT_M = 1.0  # the ground under the start lies below this
 
@@ -51,10 +53,7 @@ class Simulation:
     ) -> None:
         self.world = world
         self.body = make_body(body) if isinstance(body, str) else body
-        self._faults = tuple(faults)
-        for fault in self._faults:
-            if fault.name not in self.body.faults:
-                raise InputError(f"fault {fault.name!r} {unknown(fault.name, self.body.faults)}")
+        self.faults = tuple(faults)
         spec = world.spec()
         self._walks = [
             read_walk(text.name, text.data)
@@ -62,8 +61,10 @@ class Simulation:
             if text.name.startswith(WALK_PREFIX)
         ]
         self._start = _start(spec, world)
+        self._covers = cover_marks(spec, world, self.faults)
         self.model: Any = _compile(spec, world, self.body)
         self.data: Any = mujoco.MjData(self.model)
+        check_faults(self.faults, body_faults=self.body.faults, cameras=self.camera_names)
         self._mocap = [self._mocap_of(walk) for walk in self._walks]
         self._robot = self.model.body(f"{PREFIX}robot").id
         mounts = sorted({int(i) for i in self.model.cam_bodyid})
@@ -89,20 +90,16 @@ class Simulation:
         """
         while self._time_ns < until_ns:
             self._step()
-        for warning in _BREAKDOWNS:
-            if self.data.warning[warning].number:
-                raise RunError(
-                    f"{self.world.name}: the physics broke down, {self._time_ns / 1e9:.3f} s from "
-                    "the start; look for bodies of little mass or stiff joints in the world"
-                )
+        self._check_sanity()
 
     def robot_pose(self, time_ns: int | None = None) -> Transform:
-        """Return the true world_from_robot, now or at a time of the last 0.3 s."""
+        """Return the true world_from_robot, now or at a time of the last 0.4 s."""
         return self._history.pose(0, self._time_ns if time_ns is None else time_ns)
 
     def camera_pose(self, name: str, time_ns: int | None = None) -> Transform:
-        """Return world_from_camera (x right, y down, z forward), now or within the last 0.3 s.
+        """Return world_from_camera (x right, y down, z forward), now or within the last 0.4 s.
 
+        That is where it was built in and calibrated; faults that move it are not in it.
         InputError when there is no such camera, or the time is not remembered.
         """
         return self.camera_poses(name, [self._time_ns if time_ns is None else time_ns])[0]
@@ -131,24 +128,34 @@ class Simulation:
             translation_m=[x_m, y_m, height_m], quaternion_wxyz=yaw_quaternion(yaw_rad)
         )
         self.body.bind(self.model, self.data, start, seed)
-        self._move_walkers(0)
+        self._move_things(0)
         mujoco.mj_step1(self.model, self.data)
         for _ in range(SETTLING_STEPS):
             self.body.before_step(0, disturbance((), 0))
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
         self._remember()
+        self._check_sanity()
+
+    def _check_sanity(self) -> None:
+        """Raise RunError when the physics broke down or a pose is none, from wherever it comes."""
+        broke_down = any(self.data.warning[warning].number for warning in _BREAKDOWNS)
+        if broke_down or not np.isfinite(self.data.xpos).all():
+            raise RunError(
+                f"{self.world.name}: the physics broke down, {self._time_ns / 1e9:.3f} s from "
+                "the start; look for bodies of little mass or stiff joints in the world"
+            )
 
     def _step(self) -> None:
         """Act on the state of this moment, then move on to the next and see where things are.
 
         The two halves of MuJoCo's step in this order leave poses that belong to the new time.
         """
-        self.body.before_step(self._time_ns, disturbance(self._faults, self._time_ns))
+        self.body.before_step(self._time_ns, disturbance(self.faults, self._time_ns))
         mujoco.mj_step2(self.model, self.data)
         self._time_ns += STEP_NS
         self.body.after_step(self._time_ns)
-        self._move_walkers(self._time_ns)
+        self._move_things(self._time_ns)
         mujoco.mj_step1(self.model, self.data)
         self._remember()
 
@@ -156,7 +163,10 @@ class Simulation:
         poses = self.data.xpos[self._mounts], self.data.xquat[self._mounts]
         self._history.add(self._time_ns, *poses)
 
-    def _move_walkers(self, time_ns: int) -> None:
+    def _move_things(self, time_ns: int) -> None:
+        """Put walkers where they are by now, and leaves on the marks that are covered."""
+        for cover in self._covers:
+            cover.move(self.model, self.data, time_ns)
         for walk, mocap in zip(self._walks, self._mocap, strict=True):
             self.data.mocap_pos[mocap, :2], self.data.mocap_quat[mocap] = walk.pose(time_ns / 1e9)
 

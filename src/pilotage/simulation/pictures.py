@@ -54,14 +54,18 @@ class Pictures:
         last_ns: int,
         channels: int = 1,
         threads: int = 2,
+        built_from_camera: Transform | None = None,
     ) -> np.ndarray[Any, np.dtype[np.float32]]:
         """Return (H, W) or (H, W, 3) radiance while the rows were exposed from first to last.
 
+        `built_from_camera` is where the camera is instead of where it was built in.
         Things that move by themselves are where they were at the simulation's newest step.
         """
         for geom, shape in self._moving:
             self._scene.set_pose(shape, self._geom_pose(geom))
         first, last = self._simulation.camera_poses(name, [first_ns, last_ns])
+        if built_from_camera is not None:
+            first, last = first @ built_from_camera, last @ built_from_camera
         seen = _core.render(
             self._scene,
             rays,
