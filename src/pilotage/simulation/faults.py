@@ -45,7 +45,7 @@ KINDS: dict[str, Kind] = {
     "push_left": Kind(BODY, -100, 100, PUSH.format("y")),
     "blind": Kind(CAMERA, 0, 1, "share of the picture that is covered, 0 to 1"),
     "dirt": Kind(CAMERA, 0, 0.9, "share of the picture that blotches dim, 0 to 0.9"),
-    "glare": Kind(CAMERA, 0, 0.9, "share of the picture that is dazzled, 0 to 0.9"),
+    "glare": Kind(CAMERA, 0, 0.4, "share of the picture that is dazzled, 0 to 0.4"),
     "darkness": Kind(CAMERA, 0, 1, "share of the light that is lost, 0 to 1"),
     "blur": Kind(CAMERA, 0, 50, "standard deviation of the blur, pixels, 0 to 50"),
     "tilt_up": Kind(CAMERA, -45, 45, TILT.format("up")),

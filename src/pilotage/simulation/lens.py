@@ -87,5 +87,5 @@ def _dazzled(size: tuple[int, int], share: float, random: np.random.Generator) -
     y, x = np.mgrid[:height, :width]
     away = np.hypot(x - x0, y - y0)
     radius = max(1.0, float(np.quantile(away, share)))
-    halo = 0.02 * (radius / np.maximum(away, radius)) ** 2
+    halo = 0.05 * (radius / np.maximum(away, radius)) ** 2
     return np.asarray(np.where(away <= radius, 1.0, halo), np.float32)

@@ -61,8 +61,8 @@ class Sensor:
         return cls(
             blur_px=0.0,
             vignetting=0.0,
-            exposure_s=1e-5,  # nothing moves
-            exposure_at_white_s=1e-5,
+            exposure_s=1e-5,  # too short for anything to move
+            exposure_at_white_s=5e-5,
             largest_gain=256.0,
             read_noise=0.0,
             shot_noise_at_white=0.0,
