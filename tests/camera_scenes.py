@@ -33,7 +33,7 @@ WORLD = """
   <geom name="ground" type="plane" size="0 0 1" material="floor" priority="1" friction="0.9"/>
   <geom name="wall" type="box" size="0.1 4 1.5" pos="{wall_x_m} 0 1.5" material="wall"/>
   <geom name="post" type="box" size="0.05 0.05 0.6" pos="2 0.3 0.6" rgba="0.1 0.1 0.1 1"/>
-  <geom name="mark_a" type="cylinder" size="0.2 0.001" pos="1.5 -0.1 0" material="red"
+  <geom name="mark_a" type="cylinder" size="0.2 0.001" pos="2 -0.1 0" material="red"
         contype="0" conaffinity="0"/>
  </worldbody>
 </mujoco>
