@@ -65,9 +65,8 @@ class SimulatedCamera:
             seed=simulation.world.seed,
             pictures=self._pictures,
         )
-        # Which frame was taken last, and those on their way; a camera that is switched on gives
-        # nothing older.
-        self._taken = self._due(simulation.time_ns - 1)
+        # Which frame was taken last, and those on their way: switched on, it gives nothing older.
+        self._taken = self._due(simulation.time_ns)
         self._coming: list[_Arrival] = []
         self._newest: Frame | None = None
         self._is_given = True

@@ -8,6 +8,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pilotage import Transform
 from pilotage.errors import InputError, RunError
@@ -20,6 +21,7 @@ from pilotage.simulation.optics import MUJOCO_FROM_CAMERA
 from pilotage.simulation.options import check_seed, unknown
 from pilotage.simulation.scene import START, WALK_PREFIX, yaw_quaternion
 from pilotage.simulation.sight import height_below_m
+from pilotage.simulation.solids import Solids
 from pilotage.simulation.walkers import Walk, read_walk
 from pilotage.simulation.world import World
 
@@ -27,6 +29,7 @@ STEP_NS = 2_000_000
 REMEMBERED_STEPS = 200  # 0.4 s: longer than any exposure, read-out and want of step together
 SETTLING_STEPS = 400
 SEARCH_HEIGHT_M = 1.0  # the ground under the start lies below this
+MOST_PUSHED_M = 0.1  # by what it stands in, while it comes to rest
 
 
 _BREAKDOWNS = (
@@ -129,6 +132,7 @@ class Simulation:
         )
         self.body.bind(self.model, self.data, start, seed)
         self._move_things(0)
+        self._check_room()
         mujoco.mj_step1(self.model, self.data)
         for _ in range(SETTLING_STEPS):
             self.body.before_step(0, disturbance((), 0))
@@ -136,6 +140,35 @@ class Simulation:
             mujoco.mj_step1(self.model, self.data)
         self._remember()
         self._check_sanity()
+        pushed_m = np.linalg.norm(self.robot_pose().translation_m - start.translation_m)
+        if pushed_m > MOST_PUSHED_M:
+            raise InputError(
+                f"{self.world.name}: the robot does not fit at the start x {x_m:.2f}, y {y_m:.2f} "
+                f"m: it was pushed {pushed_m:.2f} m away; move the start, or what is there"
+            )
+
+    def _check_room(self) -> None:
+        """Raise InputError when a camera of the body stands inside something from the start."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        self.solids = Solids(self.model, self.data)
+        for camera, name in enumerate(self.camera_names):
+            if self.model.camera(camera).name.startswith(PREFIX):
+                self.check_free(name, self.data.cam_xpos[camera], 0)
+
+    def check_free(self, camera: str, point_m: NDArray[np.float64], time_ns: int) -> None:
+        """Raise InputError when a point (3,) of the world lies inside something that stands still.
+
+        The message names world, thing, place and time, and that it is the place of that camera.
+        """
+        holder = self.solids.around(point_m)
+        if holder is not None:
+            x_m, y_m, z_m = point_m.tolist()
+            raise InputError(
+                f"{self.world.name}: camera {camera} is inside {holder} at x {x_m:.2f}, y "
+                f"{y_m:.2f}, z {z_m:.2f} m, {time_ns / 1e9:.2f} s from the start; move the start, "
+                "choose another path or seed, or clear the way"
+            )
 
     def _check_sanity(self) -> None:
         """Raise RunError when the physics broke down or a pose is none, from wherever it comes."""
