@@ -6,12 +6,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pilotage.behaviors.simulate import record_drive, rover_rig
 from pilotage.recordings import StereoFrame, open_recording
 from pilotage.simulation import Drive, Fault, Motion, Simulation, World, load_world
 from pilotage.simulation.camera_group import CameraGroup, Shot
 from pilotage.simulation.sensor import Sensor
 
+Picture = NDArray[np.uint8]
+QUIET = Sensor.ideal()
 LEFT, RIGHT = "front_left", "front_right"
 WIDTH_PX = 160
 FOREVER_NS = 10**15
@@ -94,3 +99,8 @@ def record(
 
 def pairs_in(recording: Path) -> list[StereoFrame]:
     return [f for f in open_recording(recording).frames() if isinstance(f, StereoFrame)]
+
+
+def differing(a: Picture, b: Picture) -> float:
+    """Return the share of the pixels that differ by more than an edge's flicker."""
+    return float((np.abs(a.astype(int) - b) > 8).mean())
