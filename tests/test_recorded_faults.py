@@ -15,7 +15,6 @@ from pilotage.recordings.mcap_index import read_index
 from pilotage.simulation import Fault, World
 
 
-# Shots come at 0.1, 0.2, 0.3 s: the fault acts in the last one only.
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     return small_world(tmp_path_factory.mktemp("faults"))
