@@ -196,6 +196,13 @@ def test_every_camera_fault_fits_the_rover_and_is_read_from_yaml(tmp_path: Path)
     assert len(simulation.faults) == len(lines)
 
 
+def test_the_documents_name_every_fault():
+    docs = Path(__file__).resolve().parents[1] / "docs"
+    for name, kind in KINDS.items():
+        file = "worlds.md" if kind.part == "body" else "cameras.md"
+        assert f"`{name}`" in (docs / file).read_text(), name
+
+
 def test_faults_that_cannot_be_are_refused(world: World):
     good = {"name": "blur", "onset_s": 0.0, "size": 1.0}
     for change, words in (

@@ -34,7 +34,7 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
     rate_hz: Annotated[float, typer.Option(help="Pairs a second.")] = 10.0,
     width: Annotated[int, typer.Option(help="Of the pictures, pixels; 4:3.")] = 640,
     faults: Annotated[
-        Path | None, typer.Option(help="YAML list of faults, see docs/worlds.md.")
+        Path | None, typer.Option(help="YAML list of faults: name, onset_s, size, camera.")
     ] = None,
     camera: Annotated[
         str, typer.Option(help="How its cameras err: good, ideal, realistic, or a YAML file.")

@@ -6,6 +6,7 @@ from pilotage.simulation.drives import Drive
 from pilotage.simulation.faults import Fault, read_faults
 from pilotage.simulation.paths import DrivePath, parse_path
 from pilotage.simulation.physics import Simulation
+from pilotage.simulation.sensor import Sensor, read_sensor
 from pilotage.simulation.world import World
 from pilotage.simulation.worlds import load_world
 
@@ -16,9 +17,11 @@ __all__ = [
     "Fault",
     "Motion",
     "Pose2",
+    "Sensor",
     "Simulation",
     "World",
     "load_world",
     "parse_path",
     "read_faults",
+    "read_sensor",
 ]
