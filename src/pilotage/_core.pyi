@@ -1183,9 +1183,17 @@ class StereoOdometry:
 class SurfaceLayer:
     """One octave band of a surface's brightness."""
 
-    def __init__(self, *, exemplar: int, amplitude: float, texel_m: float, seed: int = 0) -> None:
+    def __init__(
+        self,
+        *,
+        exemplar: int,
+        amplitude: float,
+        texel_m: float,
+        seed: int = 0,
+        has_grain: bool = False,
+    ) -> None:
         """
-        exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres.
+        exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres; has_grain: has a direction of its own, so is never turned.
         """
 
 class Material:
@@ -1280,10 +1288,17 @@ class Scene:
 
     def set_pose(self, shape: int, world_from_shape: Transform) -> None: ...
     def set_light(
-        self, *, to_sun: Sequence[float], sun: float, sky: float, background: float
+        self,
+        *,
+        to_sun: Sequence[float],
+        sun: float,
+        sky: float,
+        background: float,
+        sky_slope: float = 0.4000000059604645,
+        lamps: Sequence[tuple[Sequence[float], float]] = [],
     ) -> None:
         """
-        Direction to the sun, and the radiance of a white surface by sun and by sky.
+        Direction to the sun, and the radiance of a white surface by sun and by sky; sky_slope: part of the latter that depends on facing up; lamps: position_m and the radiance of a white surface one metre away.
         """
 
 class CameraRays:

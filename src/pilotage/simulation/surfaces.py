@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 SIDE = 512
 # A sample's values are kept within this many standard deviations.
 WIDEST_SIGMA = 3.0
-# Each band is shown by two layers a little apart in size: where one repeats, the other does not.
-SIZE_RATIO = 0.87
 
 
 @dataclass(frozen=True)
@@ -96,19 +94,16 @@ class SurfacePainter:
         scale: float,
     ) -> _core.Material:
         """Return the surface `kind` of that mean albedo; `scale` 2 is twice as coarse."""
-        layers = []
-        for number, band in enumerate(SURFACES[kind]):
-            # Two layers, neither alike: their variances add up to the band's.
-            amplitude = WIDEST_SIGMA * band.contrast * albedo / np.sqrt(2)
-            for part, ratio in enumerate((1.0, SIZE_RATIO)):
-                layers.append(
-                    _core.SurfaceLayer(
-                        exemplar=self._exemplar(band.style),
-                        amplitude=amplitude,
-                        texel_m=scale * ratio * band.texel_m,
-                        seed=(seed + 7919 * number + 104729 * part) % 2**32,
-                    )
-                )
+        layers = [
+            _core.SurfaceLayer(
+                exemplar=self._exemplar(band.style),
+                amplitude=WIDEST_SIGMA * band.contrast * albedo,
+                texel_m=scale * band.texel_m,
+                seed=(seed + 7919 * number) % 2**32,
+                has_grain=band.style == "fibres",
+            )
+            for number, band in enumerate(SURFACES[kind])
+        ]
         return _core.Material(albedo=albedo, colour=colour, layers=layers)
 
     def _exemplar(self, style: str) -> int:
