@@ -8,6 +8,7 @@
 #include <span>
 
 #include "numpy.hpp"
+#include "rendering/exposure.hpp"
 #include "rendering/scene.hpp"
 #include "rendering/view.hpp"
 
@@ -79,6 +80,20 @@ nb::dict render_view(const Scene& scene, const CameraRays& camera,
   return result;
 }
 
+using Light = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+
+nb::object expose_light(const Light& light, const Light& sensitivity, float grey, float read_noise,
+                        float shot_noise2, std::uint64_t seed) {
+  std::vector<std::uint8_t> picture(light.size());
+  {
+    nb::gil_scoped_release unlocked;
+    expose({light.data(), light.size()}, {sensitivity.data(), sensitivity.size()},
+           {grey, read_noise, shot_noise2, seed}, picture);
+  }
+  std::vector<std::size_t> shape(light.shape_ptr(), light.shape_ptr() + light.ndim());
+  return nb::cast(move_to_numpy<std::uint8_t>(std::move(picture), shape));
+}
+
 void bind_looks(nb::module_& m) {
   nb::class_<SurfaceLayer>(m, "SurfaceLayer", "One octave band of a surface's brightness.")
       .def(
@@ -148,6 +163,11 @@ void bind_rendering(nb::module_& m) {
         "Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and "
         "shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is "
         "exposed; the same place for a global shutter.");
+  m.def("expose", &expose_light, "light"_a, "sensitivity"_a, nb::kw_only(), "grey"_a,
+        "read_noise"_a, "shot_noise2"_a, "seed"_a,
+        "Return the uint8 picture of `light` times `sensitivity` (float32 of one shape). grey: "
+        "value of radiance 1; read_noise: standard deviation; shot_noise2: variance of light's "
+        "noise over its grey value; each value's noise follows from seed and place.");
 }
 
 }  // namespace pilotage

@@ -1319,3 +1319,16 @@ def render(
     """
     Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is exposed; the same place for a global shutter.
     """
+
+def expose(
+    light: Annotated[NDArray[numpy.float32], dict(order="C", device="cpu", writable=False)],
+    sensitivity: Annotated[NDArray[numpy.float32], dict(order="C", device="cpu", writable=False)],
+    *,
+    grey: float,
+    read_noise: float,
+    shot_noise2: float,
+    seed: int,
+) -> object:
+    """
+    Return the uint8 picture of `light` times `sensitivity` (float32 of one shape). grey: value of radiance 1; read_noise: standard deviation; shot_noise2: variance of light's noise over its grey value; each value's noise follows from seed and place.
+    """
