@@ -17,7 +17,8 @@ from pilotage.simulation.surfaces import SURFACES, SurfacePainter
 
 LUMINANCE = np.array([0.299, 0.587, 0.114])
 HIDDEN_GROUP = 3  # geoms of this group and above are not drawn, as in MuJoCo's own viewer
-SUN, SKY, INDOORS, BACKGROUND = 0.75, 0.4, 1.0, 0.9
+SUN, SKY, SKY_SLOPE = 0.75, 0.4, 0.4
+INDOORS, EVEN, LAMP, BACKGROUND = 0.35, 1.0, 1.6, 0.9
 KINDS = {
     mujoco.mjtGeom.mjGEOM_PLANE: _core.ShapeKind.plane,
     mujoco.mjtGeom.mjGEOM_HFIELD: _core.ShapeKind.height_field,
@@ -147,13 +148,17 @@ class Pictures:
         model = self._model
         directional = int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
         suns = [i for i in range(model.nlight) if model.light_type[i] == directional]
+        lamps = [i for i in range(model.nlight) if model.light_type[i] != directional]
         to_sun = -model.light_dir[suns[0]] if suns else np.array([0.0, 0.0, 1.0])
+        is_lit = bool(suns or lamps)
         self._scene.set_light(
             to_sun=to_sun.tolist(),
             sun=SUN if suns else 0.0,
-            # Indoors the lamps and walls light from everywhere.
-            sky=SKY if suns else INDOORS,
+            # Without any light of its own a world is lit evenly; indoors the walls throw light back.
+            sky=SKY if suns else INDOORS if is_lit else EVEN,
+            sky_slope=SKY_SLOPE if suns else 0.1,
             background=BACKGROUND,
+            lamps=[(self._simulation.data.light_xpos[i].tolist(), LAMP) for i in lamps],
         )
 
 
