@@ -128,8 +128,7 @@ class SimulatedCamera:
 
 def _frame(shot: Shot) -> Frame:
     return Frame(
-        # Of pictures that are stamped on arrival the last one completes the frame.
-        timestamp_ns=max(shot.stamps_ns.values()),
+        timestamp_ns=shot.timestamp_ns,
         pictures=shot.pictures,
         exposure_s=shot.exposure_s,
     )

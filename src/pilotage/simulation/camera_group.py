@@ -47,6 +47,11 @@ class Shot:
     stamps_ns: Mapping[str, int]
     pictures: Mapping[str, Picture]
 
+    @property
+    def timestamp_ns(self) -> int:
+        """Return the stamp of all together: of those stamped on arrival the last one's."""
+        return max(self.stamps_ns.values())
+
 
 @dataclass
 class _Eye:
@@ -117,8 +122,10 @@ class CameraGroup:
             for eye in self._eyes
         }
         for number, eye in enumerate(self._eyes):
-            noise = np.random.default_rng([*self._seed, ended_ns, number])
-            eye.kept.append(eye.imager.expose(lights[eye.name], self._exposer, noise))
+            drawn = np.random.SeedSequence([*self._seed, ended_ns, number])
+            noise_seed = int(drawn.generate_state(1, np.uint64)[0])
+            picture = eye.imager.expose(lights[eye.name], self._exposer, seed=noise_seed)
+            eye.kept.append(picture)
         # The brightest decides: a covered camera must not make the other one blind as well.
         self._exposer.regulate(max(float(light.mean()) for light in lights.values()))
         pictures = {eye.name: eye.kept[-1] for eye in self._eyes}

@@ -3,20 +3,16 @@
 
 from __future__ import annotations
 
-import math
-from functools import cache
-from typing import Any
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pilotage import _core
 from pilotage.simulation.sensor import Sensor
 
 Radiance = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 WHITE = 255.0
-NOISE_SIZE = 2**22
 DARKEST = 1e-6  # radiance below which no exposure is worth reckoning
 
 
@@ -72,19 +68,23 @@ class Imager:
         self._random = random
         self._maps: dict[tuple[int, ...], Radiance] = {}
 
-    def expose(self, light: Radiance, exposer: Exposer, random: np.random.Generator) -> Picture:
-        """Return the (H, W), or (H, W, 3) blue-green-red, picture of light: grey, or red first."""
+    def expose(self, light: Radiance, exposer: Exposer, *, seed: int) -> Picture:
+        """Return the (H, W), or (H, W, 3) blue-green-red, picture of light: grey, or red first.
+
+        `seed` is that of the picture's noise, 0 to 2^64 - 1.
+        """
         sensor = self._sensor
-        grey: Any = np.multiply(light, self._map(light.shape))
-        grey *= np.float32(exposer.grey)
-        # In place throughout: most of the time would go into new arrays.
-        deviation = np.clip(grey, 0, WHITE)
-        deviation *= np.float32(sensor.shot_noise_at_white**2 * exposer.gain / WHITE)
-        deviation += np.float32((sensor.read_noise * exposer.gain) ** 2)
-        np.sqrt(deviation, out=deviation)
-        deviation *= _noise(light.shape, random)
-        grey += deviation
-        picture = cv2.convertScaleAbs(np.maximum(grey, 0, out=grey))
+        picture: Picture = np.asarray(
+            _core.expose(
+                np.ascontiguousarray(light),
+                self._map(light.shape),
+                grey=exposer.grey,
+                read_noise=sensor.read_noise * exposer.gain,
+                # What a gain multiplies came from fewer electrons by as much.
+                shot_noise2=sensor.shot_noise_at_white**2 * exposer.gain / WHITE,
+                seed=seed,
+            )
+        )
         if picture.ndim == 3:
             picture = np.ascontiguousarray(picture[..., ::-1])
         return _compressed(picture, sensor.jpeg_quality) if sensor.jpeg_quality else picture
@@ -97,25 +97,9 @@ class Imager:
             fall = 1 - 0.5 * self._sensor.vignetting * (x**2 + y**2)
             fall = fall[..., None] if len(shape) == 3 else fall
             pattern = 1 + self._sensor.pattern * self._random.standard_normal(shape)
-            self._maps[shape] = (self._sensitivity * fall * pattern).astype(np.float32)
+            sensitivity = self._sensitivity * fall * pattern
+            self._maps[shape] = np.ascontiguousarray(sensitivity, np.float32)
         return self._maps[shape]
-
-
-def _noise(shape: tuple[int, ...], random: np.random.Generator) -> Radiance:
-    """Return normal noise: a piece of one long sample, at random, which costs a tenth of new one.
-
-    Where the pieces of two pictures overlap, it is with a shift that no motion has.
-    """
-    size = math.prod(shape)
-    if size > NOISE_SIZE // 2:
-        return random.standard_normal(shape, dtype=np.float32)
-    first = int(random.integers(NOISE_SIZE - size))
-    return _noise_sample()[first : first + size].reshape(shape)
-
-
-@cache
-def _noise_sample() -> Radiance:
-    return np.random.default_rng(NOISE_SIZE).standard_normal(NOISE_SIZE, dtype=np.float32)
 
 
 def _compressed(picture: Picture, quality: int) -> Picture:
