@@ -73,7 +73,8 @@ def choose_pair(topics: Mapping[str, Topic], wanted: str | None, file: Path) -> 
         found = ", ".join(picture_topics(topics)) or "none"
         raise InputError(
             f"{file}: holds 0 stereo pairs, one is needed: cameras named /{LEFT} and /{RIGHT}, or "
-            f"two that end in left and right; with pictures are: {found}"
+            f"two that end in left and right; with pictures are: {found}. Single pictures are read "
+            "by pilotage.recordings.open_pictures"
         )
     names = ", ".join(pairs)
     if wanted is not None:
