@@ -122,10 +122,11 @@ class MapView:
 
     def view(self, moment: Moment) -> RenderableType:
         """Return the panel that shows a moment."""
-        from rich.columns import Columns
         from rich.panel import Panel
+        from rich.table import Table
 
-        content = Columns([self._drawn_map(moment), self._figures(moment)], padding=(0, 3))
+        content = Table.grid(padding=(0, 2))
+        content.add_row(self._drawn_map(moment), self._figures(moment))
         return Panel.fit(content, title=self._name, border_style="dim")
 
     def _drawn_map(self, moment: Moment) -> Text:
@@ -157,8 +158,8 @@ class MapView:
         figures.add_column(style="bright_black", justify="right")
         figures.add_column()
         done = min(1.0, moment.share_done)
-        figures.add_row("way", f"{done * self._length_m:.1f} of {self._length_m:g} m")
-        figures.add_row("", ProgressBar(total=1.0, completed=done, width=18))
+        figures.add_row("way", f"{done * self._length_m:.1f} of {self._length_m:.1f} m")
+        figures.add_row("", ProgressBar(1.0, done, 18, complete_style="green"))
         figures.add_row("speed", f"{self._speed_m_s():.2f} m/s")
         figures.add_row("simulated", f"{simulated_s:.1f} s")
         figures.add_row("spent", f"{spent_s:.0f} s")

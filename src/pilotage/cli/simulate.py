@@ -159,10 +159,12 @@ def _load(
 ) -> tuple[World, str]:
     """Return the world, and the path to take in it: the given one, or one that fits."""
     from pilotage.simulation import FreeFloor, load_world
+    from pilotage.simulation.yard import YardOptions, side_for_m
 
-    if name == YARD:  # it keeps the path free by itself
+    if name == YARD:  # it grows with the path, and keeps it free by itself
         path = path or model.paths[0]
-        options = {"path": path, **options}
+        size_m = max(YardOptions.size_m, side_for_m(path))
+        options = {"path": path, "size_m": size_m, **options}
     world = load_world(name, seed=seed, options=options)
     floor = FreeFloor(world, model.radius_m)
     if path is None:
