@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mcap.writer import Writer
 from synthetic import SyntheticRecording
 from test_mcap import camera, foreign_bag, make_pairs, make_rig
@@ -26,6 +30,7 @@ from pilotage.recordings.mcap import McapRecording
 from pilotage.recordings.mcap_writer import McapWriter
 
 STEP_NS = 20_000_000
+EYE = np.eye(3, 4)
 Names = dict[str, tuple[str, str]]
 
 
@@ -178,6 +183,48 @@ def test_broken_odometry_is_told(
     write_messages(file, messages)
     with pytest.raises(InputError, match=words):
         read_odometry(file)
+
+
+def all_of(path: str | Path) -> None:
+    """Read all there is; nothing but InputError may come of it."""
+    with contextlib.suppress(InputError):
+        recording = open_pictures(path)
+        assert sum(1 for _ in recording.pictures()) == len(recording)
+        recording.truth("top")
+    for read in (read_odometry, read_joints):
+        with contextlib.suppress(InputError):
+            read(path)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_damaged_messages_are_told_and_nothing_else(data: st.DataObject) -> None:
+    pose = Transform.exp(np.full(6, 0.3))
+    known, picture = camera("none", [], 0), make_pairs(1)[0][0]
+    messages = [
+        ("/top/camera_info", ros.CAMERA_INFO, 5, ros.camera_info("top", 5, known, np.eye(3), EYE)),
+        ("/top/image_raw", ros.IMAGE, 5, ros.image("top", 5, "mono8", picture)),
+        ("/tf_static", ros.TRANSFORMS, 5, ros.transforms(5, {("head", "top"): pose})),
+        ("/tf", ros.TRANSFORMS, 5, ros.transforms(5, {("torso", "head"): pose})),
+        ("/joint_states", ros.JOINTS, 5, ros.joints(5, {"HeadYaw": 1.0, "HeadPitch": 2.0})),
+        ("/odom", ros.ODOMETRY, 5, odometry(5)),
+        ("/truth/top", ros.POSE, 5, ros.pose("world", 5, pose)),
+    ]
+    number = data.draw(st.integers(0, len(messages) - 1))
+    topic, type_name, time_ns, content = messages[number]
+    changed = bytearray(content[: data.draw(st.integers(0, len(content)))] or content)
+    for _ in range(data.draw(st.integers(0, 3))):
+        changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+    messages[number] = (topic, type_name, time_ns, bytes(changed))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "a.mcap"
+        write_messages(file, messages)
+        all_of(file)
+
+
+@pytest.mark.parametrize("path", ["", "\0", "x" * 5000, "\ud800"])
+def test_hostile_paths(path: str) -> None:
+    all_of(path)
 
 
 def write_head(file: Path, *, joints_ns: list[int]) -> None:

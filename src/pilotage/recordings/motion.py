@@ -62,15 +62,14 @@ def read_odometry(path: str | Path, *, topic: str | None = None) -> OdometryPose
     recording is broken, or several topics could be meant.
     """
     from pilotage.recordings import mcap_motion, ros_messages
-    from pilotage.recordings.mcap_index import find_file, read_index
+    from pilotage.recordings.mcap_index import read_index
     from pilotage.recordings.mcap_writer import ODOMETRY_TOPIC
 
-    if not _is_mcap(Path(path)):
+    file = find_mcap(path)
+    if file is None:
         return None
-    file = find_file(Path(path))
-    found = mcap_motion.find_topic(
-        read_index(file), ros_messages.ODOMETRY, ODOMETRY_TOPIC, topic, file
-    )
+    topics = read_index(file)
+    found = mcap_motion.find_topic(topics, ros_messages.ODOMETRY, ODOMETRY_TOPIC, topic, file)
     return None if found is None else mcap_motion.read_odometry(file, found)
 
 
@@ -81,13 +80,14 @@ def read_joints(path: str | Path, *, topic: str | None = None) -> JointAngles | 
     where the recording is broken, or several topics could be meant.
     """
     from pilotage.recordings import mcap_motion, ros_messages
-    from pilotage.recordings.mcap_index import find_file, read_index
+    from pilotage.recordings.mcap_index import read_index
     from pilotage.recordings.mcap_writer import JOINTS_TOPIC
 
-    if not _is_mcap(Path(path)):
+    file = find_mcap(path)
+    if file is None:
         return None
-    file = find_file(Path(path))
-    found = mcap_motion.find_topic(read_index(file), ros_messages.JOINTS, JOINTS_TOPIC, topic, file)
+    topics = read_index(file)
+    found = mcap_motion.find_topic(topics, ros_messages.JOINTS, JOINTS_TOPIC, topic, file)
     return None if found is None else mcap_motion.read_joints(file, found)
 
 
@@ -101,10 +101,17 @@ def nearest(times_ns: Times, time_ns: int, *, within_ns: int) -> int | None:
     return min(apart)[1]
 
 
-def _is_mcap(path: Path) -> bool:
-    """Tell whether to look into `path`: other formats hold neither odometry nor joints."""
-    from pilotage.recordings.mcap_index import is_mcap
+def find_mcap(path: str | Path) -> Path | None:
+    """Return the MCAP file of a recording, None where it is of another format.
 
-    if not path.exists():
-        raise InputError(f"{path}: does not exist; check the path")
-    return is_mcap(path)
+    InputError where it does not exist or was never finished.
+    """
+    from pilotage.recordings.mcap_index import find_file, is_mcap
+
+    source = Path(path)
+    try:
+        if not source.exists():
+            raise InputError(f"{source}: does not exist; check the path")
+        return find_file(source) if is_mcap(source) else None
+    except (OSError, ValueError) as error:  # no permission, a zero byte in a name
+        raise InputError(f"{str(source)!r}: cannot be read ({error}); check the path") from error

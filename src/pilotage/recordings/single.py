@@ -11,7 +11,7 @@ from typing import Protocol
 from pilotage import Camera, Transform
 from pilotage.errors import InputError
 from pilotage.recordings.frames import BadFrame, Grey
-from pilotage.recordings.motion import FramePoses
+from pilotage.recordings.motion import FramePoses, find_mcap
 
 __all__ = ["PictureRecording", "SinglePicture", "open_pictures"]
 
@@ -61,12 +61,8 @@ def open_pictures(path: str | Path) -> PictureRecording:
 
     InputError names the file and the remedy, also where no camera is calibrated.
     """
-    from pilotage.recordings.mcap_index import is_mcap
     from pilotage.recordings.mcap_single import McapPictures
 
-    source = Path(path)
-    if not source.exists():
-        raise InputError(f"{source}: does not exist; check the path")
-    if not is_mcap(source):
-        raise InputError(f"{source}: holds no pictures with calibration and joints (.mcap)")
-    return McapPictures(source)
+    if find_mcap(path) is None:
+        raise InputError(f"{path}: holds no pictures with calibration and joints (.mcap)")
+    return McapPictures(Path(path))
