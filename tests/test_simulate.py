@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from pilotage.behaviors.recorder import Moment
+from pilotage.cli import live
+from pilotage.cli.live import LineView
 from pilotage.cli.main import app
 from pilotage.recordings import StereoFrame, open_recording, read_joints, read_odometry
 from pilotage.recordings.mcap import McapRecording
@@ -176,3 +179,21 @@ def test_bad_input_is_refused(arguments: list[str], said: str, tmp_path: Path):
     assert done.exit_code == 2
     assert said in " ".join(done.output.split())
     assert not (out / "recording.mcap").exists()
+
+
+def test_what_an_interrupt_left_is_recovered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def interrupt(moment: Moment) -> None:
+        if moment.shots == 6:
+            raise KeyboardInterrupt
+
+    view = LineView("yard", "pairs")
+    monkeypatch.setattr(view, "on_moment", interrupt)
+    monkeypatch.setattr(live, "make_drive_view", lambda *_: view)
+    done = call("simulate", "yard", "-o", tmp_path / "cut", *SMALL)
+    assert done.exit_code == 1
+    part = tmp_path / "cut" / "recording.mcap.part"
+    assert f"pilotage recover {part}" in " ".join(done.output.split())
+    assert call("recover", part).exit_code == 0
+    for pair in ("front", "down"):
+        assert len(open_recording(tmp_path / "cut", pair=pair)) == 6
+    assert read_odometry(tmp_path / "cut") is not None

@@ -4,12 +4,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pilotage.cli.errors import errors_to_exit, say_warning, stop_on_terminate
+from pilotage.cli.errors import (
+    FAILED,
+    errors_to_exit,
+    fail,
+    say_warning,
+    stop_on_terminate,
+)
 
 if TYPE_CHECKING:
     from pilotage.behaviors.stop_and_go import StopPlan
@@ -94,7 +102,7 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
             "simulation": simulation, "robot": model, "drive": drive, "out": file,
             "width_px": width, "sensor": Sensor(), "on_moment": view.on_moment,
         }  # fmt: skip
-        with stop_on_terminate(), view:
+        with stop_on_terminate(), _kept_when_interrupted(file), view:
             if plan is not None:
                 done = record_stops(**job, plan=plan)
             else:
@@ -105,6 +113,19 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
             )
         seen = f"{done.stops} stops, {done.shots} {shots}" if plan else f"{done.shots} {shots}"
         typer.echo(f"Went {done.length_m:.2f} m in {done.duration_s:.1f} s, {seen} in {file}")
+
+
+@contextmanager
+def _kept_when_interrupted(file: Path) -> Iterator[None]:
+    """Say what an interrupt left behind."""
+    from pilotage.recordings.mcap_writer import PART_SUFFIX
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        part = file.with_name(file.name + PART_SUFFIX)
+        kept = f"; `pilotage recover {part}` makes what was recorded whole" if part.exists() else ""
+        fail(f"interrupted{kept}", FAILED)
 
 
 def _plan(
