@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from pilotage.calibration.nao_head import head_from_camera, neck_from_head, torso_from_neck
 from pilotage.cli.main import app
+from pilotage.errors import InputError
 from pilotage.recordings import (
     SinglePicture,
     open_pictures,
@@ -151,6 +152,8 @@ def test_the_heads_chain_is_the_bodys(name: str):
     np.testing.assert_allclose(
         world_from_camera.matrix(), simulation.camera_pose(name).matrix(), atol=1e-9
     )
+    with pytest.raises(InputError, match=r"'tail' is unknown; .*torso"):
+        simulation.part_pose("tail")
 
 
 def test_stereo_recordings_hold_single_pictures_too(tmp_path: Path):

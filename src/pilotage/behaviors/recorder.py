@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from pilotage import Camera, Transform
 from pilotage.recordings.mcap_writer import ROBOT, McapWriter
 from pilotage.simulation import Simulation
@@ -41,7 +43,9 @@ class CameraGroup:
         self._simulation = simulation
         self._pictures = pictures
         self._rays = {name: camera_rays(camera) for name, camera in cameras.items()}
-        self._exposer = Exposer(sensor, seed=seed)
+        # Each group has noise of its own.
+        own = np.random.default_rng([seed, *map(ord, "".join(cameras))])
+        self._exposer = Exposer(sensor, seed=int(own.integers(2**31)))
 
     def take(self, ended_ns: int | None = None) -> Shot | None:
         """Return the pictures of now, or of a time of the last 0.2 s; None when there are none."""

@@ -45,8 +45,8 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
     """Drive, and write pictures, odometry and truth to the MCAP file `out`.
 
     `pairs` names the stereo pairs that are recorded, by default all of the robot. on_moment is
-    called after each picture. InputError for what cannot be recorded; RunError when the file cannot
-    be written or the physics breaks down; what was written stays in `<out>.part`.
+    called every 20 ms of the drive. InputError for what cannot be recorded; RunError when the file
+    cannot be written or the physics breaks down; what was written stays in `<out>.part`.
     """
     if not 0.5 <= rate_hz <= 60:
         raise InputError(f"rate {rate_hz:g} Hz: must lie from 0.5 to 60")
@@ -70,8 +70,8 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
             # Between two steps of the drive too: no rate of pictures divides them all.
             while (shot_ns := begin_ns + round(recorder.shots * 1e9 / rate_hz)) <= time_ns:
                 recorder.shoot(shot_ns)
-                on_moment(moment_of(simulation, drive, recorder))
             recorder.note()
+            on_moment(moment_of(simulation, drive, recorder))
     return Recorded(recorder.shots, way.length_m, simulation.time_ns * 1e-9, drive.has_arrived)
 
 

@@ -79,9 +79,9 @@ def record_stops(  # noqa: PLR0913, what a recording is made of
 ) -> Recorded:
     """Walk, and write pictures, head angles, odometry and truth to the MCAP file `out`.
 
-    on_moment is called after each look. InputError for what cannot be recorded; RunError when the
-    file cannot be written, or head or posture do not get where they are to be; what was written
-    stays in `<out>.part`.
+    on_moment is called ten times a second and after each look. InputError for what cannot be
+    recorded; RunError when the file cannot be written, or head or posture do not get where they are
+    to be; what was written stays in `<out>.part`.
     """
     cameras = {
         name: robot.lens.camera(width_px, number) for number, name in enumerate(robot.singles)
@@ -224,10 +224,13 @@ class _Walk:
         self.way.go_on()
         if self._simulation.time_ns >= self._next_note_ns:
             self._next_note_ns = self._simulation.time_ns + NOTE_NS
-            self._recorder.note()
+            self._note()
 
     def _shoot(self) -> None:
         self._recorder.shoot()
+        self._note()
+
+    def _note(self) -> None:
         self._recorder.note()
         self._on_moment(moment_of(self._simulation, self._drive, self._recorder))
 

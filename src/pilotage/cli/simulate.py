@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 RECORDING = "recording.mcap"
 YARD = "yard"
+ROVER_OPTIONS, NAO_OPTIONS = "Of the rover", "Of the Nao"
 
 
 def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
@@ -52,21 +53,39 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         float | None,
         typer.Option(help="Of the drive, m/s; by default 0.4, a Nao's 0.095.", show_default=False),
     ] = None,
-    rate_hz: Annotated[float, typer.Option(help="Pairs a second, of a rover.")] = 10.0,
+    rate_hz: Annotated[
+        float, typer.Option(help="Pairs a second.", rich_help_panel=ROVER_OPTIONS)
+    ] = 10.0,
     width: Annotated[int, typer.Option(help="Of the pictures, pixels; 4:3.")] = 640,
     pairs: Annotated[
         str | None,
-        typer.Option(help="Stereo pairs of a rover: front,down.", show_default="all"),
+        typer.Option(
+            help="Stereo pairs: front, down, or front,down.",
+            show_default="all",
+            rich_help_panel=ROVER_OPTIONS,
+        ),
     ] = None,
-    stop_every: Annotated[int, typer.Option(help="Steps from stop to stop, of a Nao.")] = 12,
+    stop_every: Annotated[
+        int, typer.Option(help="Steps from stop to stop.", rich_help_panel=NAO_OPTIONS)
+    ] = 12,
     looks: Annotated[
-        str, typer.Option(help="At each stop: yaws, degrees, or YAW:PITCH; left and down positive.")
+        str,
+        typer.Option(
+            help="At each stop: yaws, degrees, or YAW:PITCH; left and down positive.",
+            rich_help_panel=NAO_OPTIONS,
+        ),
     ] = "33.5,0,-33.5",
     crouch: Annotated[
-        bool, typer.Option("--crouch", help="Look again from 11 cm lower at each stop.")
+        bool,
+        typer.Option(
+            "--crouch",
+            help="Look again from 11 cm lower at each stop.",
+            rich_help_panel=NAO_OPTIONS,
+        ),
     ] = False,
     walking_hz: Annotated[
-        float, typer.Option(help="Pictures a second while a Nao walks, 0 for none.")
+        float,
+        typer.Option(help="Pictures a second on the way, 0 for none.", rich_help_panel=NAO_OPTIONS),
     ] = 0.0,
     faults: Annotated[
         Path | None, typer.Option(help="YAML list of faults: name, onset_s, size.")
