@@ -78,6 +78,20 @@ def test_every_pair_is_recorded_and_chosen_by_name(recorded: Path, tmp_path: Pat
     assert "there are: down, front" in " ".join(wrong.output.split())
 
 
+def test_a_run_of_one_pair_is_set_against_the_truth_of_the_recording(
+    recorded: Path, tmp_path: Path
+):
+    ends = []
+    for pair in ("front", "down"):
+        out = tmp_path / pair
+        call("localize", recorded, "--pair", pair, "-o", out, "--no-report")
+        truth = [] if pair == "front" else ["--truth", recorded]
+        assert call("evaluate", out, *truth, "--no-report").exit_code == 0
+        rows = np.loadtxt(out / "truth_tum.txt", usecols=(1, 2, 3))
+        ends.append(rows[0])
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)  # both of the robot
+
+
 def test_a_chosen_pair_goes_over_with_its_name(recorded: Path, tmp_path: Path):
     file = tmp_path / "down.mcap"
     assert call("convert", recorded, "--pair", "down", "-o", file, "--to", "mcap").exit_code == 0
