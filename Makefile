@@ -53,7 +53,8 @@ test: setup ## Run every test: C++, then Python
 
 demo: setup ## Drive a simulated rover 10 m round a yard and find its way from its cameras
 	rm -rf "$(DEMO)"
-	$(BIN)/pilotage simulate yard --seed 7 --path closed-10m --rate-hz 5 --speed 0.5 -o "$(DEMO)/recording"
+	$(BIN)/pilotage simulate yard --seed 7 --path closed-10m --rate-hz 5 --speed 0.5 --pairs front \
+	  -o "$(DEMO)/recording"
 	$(BIN)/pilotage localize "$(DEMO)/recording" -o "$(DEMO)/out"
 	$(BIN)/pilotage evaluate "$(DEMO)/out"
 

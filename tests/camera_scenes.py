@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotage import Camera
-from pilotage.behaviors.simulate import record_drive, rover_rig
+from pilotage.behaviors.simulate import record_drive
 from pilotage.recordings import StereoFrame, open_recording
-from pilotage.simulation import Drive, Fault, Motion, Simulation, World, load_world
+from pilotage.simulation import Drive, Fault, Motion, Simulation, World, load_world, robot_model
 from pilotage.simulation.camera_group import CameraGroup, Shot
 from pilotage.simulation.sensor import Sensor
 
@@ -55,7 +55,7 @@ def small_world(folder: Path, *, wall_x_m: float = 5.0) -> World:
 
 def lenses(simulation: Simulation) -> dict[str, Camera]:
     """Return the rover's forward cameras."""
-    rig = rover_rig(simulation, WIDTH_PX)
+    rig = robot_model("rover").stereo_rig(simulation, "front", WIDTH_PX)
     return {LEFT: rig.left, RIGHT: rig.right}
 
 
@@ -93,12 +93,14 @@ def record(
     simulation = Simulation(world, faults=faults)
     record_drive(
         simulation=simulation,
+        robot=robot_model("rover"),
         drive=Drive(simulation, "straight-1m", speed_m_s=0.8),
         out=out,
         width_px=WIDTH_PX,
         rate_hz=5.0,
         sensor=sensor or Sensor(),
-        on_pair=lambda pairs, part: None,
+        on_moment=lambda moment: None,
+        pairs=["front"],
     )
     return out
 

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pilotage import Transform
+
 HEAD_Z_M = 0.1265  # from the torso to both axes of the neck
 # In the head's frame, versions 4 and 5 of the robot: x, z (m), pitch (rad, positive down).
 CAMERAS = {"top": (0.05871, 0.06364, 0.0209), "bottom": (0.05071, 0.01774, 0.6929)}
@@ -38,6 +40,27 @@ class HeadAngles(NamedTuple):
         way = SPEED_RAD_S * duration_s
         yaw = toward(self.yaw_rad, goal.yaw_rad, way)
         return clamped(HeadAngles(yaw, toward(self.pitch_rad, goal.pitch_rad, way)))
+
+
+def torso_from_neck(yaw_rad: float) -> Transform:
+    """Return where the frame is that turns with the head's yaw alone; torso axes as `robot`."""
+    half = yaw_rad / 2
+    return Transform(
+        translation_m=[0.0, 0.0, HEAD_Z_M], quaternion_wxyz=[math.cos(half), 0, 0, math.sin(half)]
+    )
+
+
+def neck_from_head(pitch_rad: float) -> Transform:
+    """Return where the head is on the neck: both axes meet in one point."""
+    half = pitch_rad / 2
+    return Transform(quaternion_wxyz=[math.cos(half), 0, math.sin(half), 0])
+
+
+def head_from_camera(name: str) -> Transform:
+    """Return where `top` or `bottom` sits on the head; its axes are x right, y down, z forward."""
+    x_m, z_m, pitch_rad = CAMERAS[name]
+    seat = Transform(translation_m=[x_m, 0.0, z_m]) @ neck_from_head(pitch_rad)
+    return seat @ Transform(quaternion_wxyz=[0.5, -0.5, 0.5, -0.5])
 
 
 def pitch_limits_rad(yaw_rad: float) -> tuple[float, float]:

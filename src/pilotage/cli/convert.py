@@ -39,6 +39,12 @@ def convert(  # noqa: PLR0913, PLR0917, an argument for each option
         float | None,
         typer.Option(help="Pairs a second, where the recording has no times.", show_default=False),
     ] = None,
+    pair: Annotated[
+        str | None,
+        typer.Option(
+            help="Stereo pair of a recording with several: front, down.", show_default=False
+        ),
+    ] = None,
     debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
 ) -> None:
     """Example: pilotage convert recordings/street -o street.mcap --to mcap
@@ -48,9 +54,10 @@ def convert(  # noqa: PLR0913, PLR0917, an argument for each option
     """
     with errors_to_exit(debug=debug):
         from pilotage.recordings import open_recording
+        from pilotage.recordings.convert import FRONT
         from pilotage.recordings.convert import convert as write
 
-        opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz)
+        opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz, pair=pair)
 
         def watch(
             frames: Iterable[StereoFrame | BadFrame],
@@ -58,7 +65,7 @@ def convert(  # noqa: PLR0913, PLR0917, an argument for each option
             return _watched(frames, opened.name, len(opened))
 
         with stop_on_terminate():
-            done = write(opened, out, to.value, watch=watch)
+            done = write(opened, out, to.value, watch=watch, pair=pair or FRONT)
         for bad in done.skipped[:SKIPPED_SHOWN]:
             say_warning(f"pair {bad.index} left out: {bad.reason}")
         if len(done.skipped) > SKIPPED_SHOWN:

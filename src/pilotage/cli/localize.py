@@ -24,6 +24,12 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         Path | None,
         typer.Option(help="Calibration YAML, instead of the recording's own.", show_default=False),
     ] = None,
+    pair: Annotated[
+        str | None,
+        typer.Option(
+            help="Stereo pair of a recording with several: front, down.", show_default=False
+        ),
+    ] = None,
     config: Annotated[
         Path | None,
         typer.Option(
@@ -53,7 +59,8 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
 
     Find where the camera was at every stereo pair of RECORDING. Formats are recognised by
     themselves: KITTI, EuRoC, MCAP (ROS 2), folders of left and right or side-by-side pictures,
-    video. Ctrl-C ends the run early and keeps what was computed.
+    video. Of several stereo pairs the one that looks ahead is taken. Ctrl-C ends the run early and
+    keeps what was computed.
     """
     with errors_to_exit(debug=debug):
         from pilotage import StereoOdometry
@@ -65,7 +72,7 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
 
         selection = Selection(start=start, end=end, every=every)
         used = load_config(config, settings or [])
-        opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz)
+        opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz, pair=pair)
         odometry = StereoOdometry(rig=opened.rig, config=used)
         pairs = len(selection.indices(len(opened)))
         with stop_on_terminate(), make_progress(opened.name, pairs) as progress:

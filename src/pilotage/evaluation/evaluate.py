@@ -123,7 +123,9 @@ def _truth(results: Results, path: Path | None, truth_of: Body | None) -> TruthP
     if wanted == "robot":
         poses = poses @ inverse(robot_from_left)
     elif body == "robot":
-        poses = poses @ robot_from_left
+        poses = poses @ (
+            robot_from_left if truth.robot_from_left is None else truth.robot_from_left
+        )
     return replace(truth, poses=poses, body=wanted)
 
 

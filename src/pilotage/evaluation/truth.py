@@ -28,12 +28,14 @@ class TruthPoses:
     """(N, 4, 4) `world_from_body` at (N,) times; or a pose per pair where the times are None.
 
     `body` tells whose poses these are: the left camera's, the recording's own body (an IMU), or
-    the robot's. A pose may be NaN.
+    the robot's. A pose may be NaN. `robot_from_left` (4, 4) is where the left camera sat by the
+    truth's own account, None where that says nothing.
     """
 
     poses: Array
     timestamps_ns: NDArray[np.int64] | None
     body: Body
+    robot_from_left: Array | None = None
 
     def at(self, records: Sequence[PoseRecord]) -> Array:
         """Return (M, 4, 4) poses for the pairs `records`; NaN where there is no truth."""
@@ -102,10 +104,17 @@ def _truth_of_folder(path: Path) -> TruthPoses:
         return TruthPoses(poses_of(known), times, body)
     from pilotage.recordings.recording import open_recording
 
-    truth = open_recording(path).truth()
+    recording = open_recording(path)
+    truth = recording.truth()
     if truth is None:
         raise InputError(f"{path}: the recording holds no truth")
-    return TruthPoses(truth.world_from_left, truth.timestamps_ns, "left")
+    sits = recording.rig.robot_from_left
+    if sits is None:
+        return TruthPoses(truth.world_from_left, truth.timestamps_ns, "left")
+    # Of the robot: of several stereo pairs the run may have used another one.
+    robot_from_left = np.asarray(sits.matrix(), np.float64)
+    poses = truth.world_from_left @ np.asarray(sits.inverse().matrix(), np.float64)
+    return TruthPoses(poses, truth.timestamps_ns, "robot", robot_from_left)
 
 
 def poses_of(records: Sequence[PoseRecord]) -> Array:

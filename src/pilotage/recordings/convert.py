@@ -16,11 +16,12 @@ from pilotage.recordings.euroc_folder import write_euroc
 from pilotage.recordings.folder_files import transform_of_pose
 from pilotage.recordings.frames import BadFrame, StereoFrame, Truth
 from pilotage.recordings.kitti_folder import write_kitti
-from pilotage.recordings.mcap_writer import LEFT, McapWriter
+from pilotage.recordings.mcap_writer import McapWriter
 from pilotage.recordings.recording import Recording
 
 FOLDER_WRITERS = {"kitti": write_kitti, "euroc": write_euroc}
 TARGETS = (*FOLDER_WRITERS, "mcap")
+FRONT = "front"
 Watch = Callable[[Iterable[StereoFrame | BadFrame]], Iterable[StereoFrame | BadFrame]]
 
 
@@ -33,10 +34,13 @@ class Conversion:
     notes: list[str] = field(default_factory=list)
 
 
-def convert(recording: Recording, out: Path, to: str, *, watch: Watch = iter) -> Conversion:
+def convert(
+    recording: Recording, out: Path, to: str, *, watch: Watch = iter, pair: str = FRONT
+) -> Conversion:
     """Write pictures, calibration, times and truth of `recording` to `out`, a new file or folder.
 
-    `to` is one of TARGETS; `watch` passes the frames on and may show how it goes. Pictures go over
+    `to` is one of TARGETS; `watch` passes the frames on and may show how it goes; `pair` is what
+    MCAP calls the stereo pair, its cameras `<pair>_left` and `<pair>_right`. Pictures go over
     unchanged, as the grey ones that reading gives, unless KITTI asks for rectified ones. `out`
     appears once it is whole. InputError where it exists or the target cannot hold the recording,
     RunError naming the file that cannot be written.
@@ -51,7 +55,7 @@ def convert(recording: Recording, out: Path, to: str, *, watch: Watch = iter) ->
         conversion.notes.append("the recording holds no truth")
     pairs = _good_pairs(watch(recording.frames()), conversion)
     if to == "mcap":
-        _write_mcap(recording, pairs, truth, out)
+        _write_mcap(recording, pairs, truth, out, pair)
     else:
         _write_folder(recording, pairs, truth, out, to, conversion)
     return conversion
@@ -90,24 +94,31 @@ def _write_folder(  # noqa: PLR0913, PLR0917, what to write, where and how
 
 
 def _write_mcap(
-    recording: Recording, pairs: Iterator[StereoFrame], truth: Truth | None, out: Path
+    recording: Recording, pairs: Iterator[StereoFrame], truth: Truth | None, out: Path, pair: str
 ) -> None:
     writer = McapWriter(out)
+    left, right = f"{pair}_left", f"{pair}_right"
     poses = iter(_poses(truth))
     pose = next(poses, None)
     try:
         with writer:
             is_first = True
-            for pair in pairs:
+            for frame in pairs:
+                now_ns = frame.timestamp_ns
                 if is_first:
-                    writer.add_rig(recording.rig, timestamp_ns=pair.timestamp_ns)
+                    writer.add_rig(recording.rig, timestamp_ns=now_ns, left=left, right=right)
                     is_first = False
-                while pose is not None and pose[0] <= pair.timestamp_ns:
-                    writer.write_truth(timestamp_ns=pose[0], world_from_body=pose[1], body=LEFT)
+                while pose is not None and pose[0] <= now_ns:
+                    writer.write_truth(timestamp_ns=pose[0], world_from_body=pose[1], body=left)
                     pose = next(poses, None)
-                writer.write_pair(timestamp_ns=pair.timestamp_ns, left=pair.left, right=pair.right)
+                writer.write_pair(
+                    timestamp_ns=now_ns,
+                    left=frame.left,
+                    right=frame.right,
+                    cameras=(left, right),
+                )
             while pose is not None:
-                writer.write_truth(timestamp_ns=pose[0], world_from_body=pose[1], body=LEFT)
+                writer.write_truth(timestamp_ns=pose[0], world_from_body=pose[1], body=left)
                 pose = next(poses, None)
     except BaseException:
         # Nothing is lost with it: the recording is still there. One that stood there before was

@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,66 +12,72 @@ from numpy.typing import NDArray
 from pilotage import StereoRig
 from pilotage.calibration.files import load_rig
 from pilotage.errors import InputError
-from pilotage.recordings import ros_messages as ros
 from pilotage.recordings.frames import BadFrame, DecodeClock, Frames, Grey, StereoFrame, Truth
-from pilotage.recordings.mcap_index import MessageFetcher, Topic, read_index
+from pilotage.recordings.mcap_index import (
+    FILE_NAME,
+    MessageFetcher,
+    Topic,
+    find_file,
+    is_mcap,
+    read_index,
+)
+from pilotage.recordings.mcap_motion import read_poses
+from pilotage.recordings.mcap_pairs import NO_PARTNER, choose_pair, find_pairs, match_pictures
 from pilotage.recordings.mcap_pictures import decode_message
 from pilotage.recordings.mcap_records import DamageError
 from pilotage.recordings.mcap_rig import ROBOT_FRAMES, read_frames, read_rig
 from pilotage.recordings.mcap_writer import (
     BODY_KEY,
-    LEFT,
-    PART_SUFFIX,
-    RIGHT,
     STATIC_TRANSFORMS_TOPIC,
     TRUTH_TOPIC,
 )
 from pilotage.recordings.pairs import PAIRS_CHECKED, SizeError, check_size, steady_times
 from pilotage.recordings.pictures import PictureError
 
-FILE_NAME = "recording.mcap"
-# Cameras of a pair fire together; a small offset is the clock's, a larger one another picture.
-PAIR_TOLERANCE_NS = 2_000_000
-PICTURE_TOPIC = re.compile(r"(?P<camera>/.+?)/image(_raw|_mono|_color)?(?P<packed>/compressed)?")
-# How the names of a left and a right camera end.
-SIDE_WORDS = (("left", "right"), ("cam0", "cam1"), ("infra1", "infra2"))
-NO_PARTNER = -1
-
-
-class Cameras(NamedTuple):
-    """Where the pictures of the pair are, and what the cameras are called: `/front_left`."""
-
-    left: str
-    right: str
-    left_topic: Topic
-    right_topic: Topic
-
 
 class McapRecording:
-    """Pairs matched by time stamp; a left picture without a right one is a bad frame."""
+    """Pairs matched by time stamp; a left picture without a right one is a bad frame.
+
+    `pairs` names the stereo pairs of the file, `pair` the one that is read.
+    """
 
     looks_for = f"a ROS 2 recording .mcap, or a folder with {FILE_NAME}"
 
-    def __init__(self, path: Path, calibration: Path | None, rate_hz: float | None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        calibration: Path | None,
+        rate_hz: float | None,
+        pair: str | None = None,
+    ) -> None:
         self.name = path.resolve().name if path.is_dir() else path.stem
         self.path = path
-        self._file = _find_file(path)
+        self._file = find_file(path)
         self._topics = read_index(self._file)
-        self._cameras = _find_cameras(self._topics, self._file)
+        pairs = find_pairs(self._topics)
+        self.pairs = tuple(pairs)
+        self.pair = choose_pair(self._topics, pair, self._file)
+        self._cameras = pairs[self.pair]
         static = self._topics.get(STATIC_TRANSFORMS_TOPIC)
         self._frames = read_frames(self._file, static.first if static else ())
         self.rig, self._left_frame = self._read_rig(calibration)
-        self._lefts, self._rights = _match(self._cameras, self._file)
+        self._lefts, self._rights = match_pictures(self._cameras, self._file)
         times_ns = np.array(self._cameras.left_topic.times_ns, np.int64)[self._lefts].tolist()
         self._times_ns = times_ns if rate_hz is None else steady_times(len(times_ns), rate_hz)
         self._clock = DecodeClock()
         self._check_first()
 
+    @classmethod
+    def open_pair(
+        cls, path: Path, calibration: Path | None, rate_hz: float | None, pair: str
+    ) -> McapRecording:
+        """Open the stereo pair of that name; InputError lists those there are."""
+        return cls(path, calibration, rate_hz, pair)
+
     @staticmethod
     def recognises(path: Path) -> bool:
         """Tell by the name's end, of the file or of a folder's only one."""
-        names = (".mcap", f".mcap{PART_SUFFIX}")
-        return bool(path.name.endswith(names) and path.is_file()) or bool(_files(path))
+        return is_mcap(path)
 
     @property
     def decode_cpu_s(self) -> float:
@@ -94,22 +97,9 @@ class McapRecording:
         if topic is None or not topic.times_ns:
             return None
         body_from_left = self._body_from_left(topic)
-        for earlier, later in pairwise(topic.times_ns):
-            if later <= earlier:
-                raise InputError(
-                    f"{self._file}: {TRUTH_TOPIC}: time {later} ns does not come after {earlier} "
-                    "ns; remove the topic or sort its messages"
-                )
-        poses = np.empty((len(topic.times_ns), 4, 4))
-        try:
-            with MessageFetcher(self._file) as messages:
-                for number, (_, data) in enumerate(messages.fetch_all(topic)):
-                    pose = ros.read_message(data, ros.POSE).pose
-                    poses[number] = ros.transform_of(pose.position, pose.orientation).matrix()
-        except (ros.MessageError, DamageError, OSError) as error:
-            raise InputError(f"{self._file}: {TRUTH_TOPIC}: {error}; record it again") from None
-        world_from_left = poses if body_from_left is None else poses @ body_from_left
-        return Truth(np.array(topic.times_ns, np.int64), world_from_left)
+        poses = read_poses(self._file, topic)
+        world_from_left = poses.poses if body_from_left is None else poses.poses @ body_from_left
+        return Truth(poses.timestamps_ns, world_from_left)
 
     def _body_from_left(self, topic: Topic) -> NDArray[np.float64] | None:
         """Return (4, 4), or None where the truth is of the left camera itself."""
@@ -188,72 +178,3 @@ class McapRecording:
             check_size(picture, camera, place)
             pictures.append(picture)
         return pictures[0], pictures[1]
-
-
-def _files(path: Path) -> list[Path]:
-    """Return a folder's recording, or all it holds where none has the usual name."""
-    if not path.is_dir():
-        return []
-    usual = path / FILE_NAME
-    return [usual] if usual.is_file() else sorted(f for f in path.glob("*.mcap") if f.is_file())
-
-
-def _find_file(path: Path) -> Path:
-    files = [path] if path.is_file() else _files(path)
-    if len(files) != 1:
-        raise InputError(f"{path}: holds {len(files)} .mcap files; name one of them")
-    if files[0].name.endswith(PART_SUFFIX):
-        raise InputError(f"{files[0]}: was never finished; `pilotage recover` makes it whole")
-    return files[0]
-
-
-def _find_cameras(topics: dict[str, Topic], file: Path) -> Cameras:
-    """Return front_left and front_right, or the only two cameras named left and right."""
-    pictures: dict[str, Topic] = {}
-    for name in sorted(topics):  # a camera's plain pictures come before its compressed ones
-        match = PICTURE_TOPIC.fullmatch(name)
-        wanted = ros.IMAGE if match and not match["packed"] else ros.COMPRESSED_IMAGE
-        if match and topics[name].type_name == wanted and topics[name].times_ns:
-            pictures.setdefault(match["camera"], topics[name])
-    pairs = [(f"/{LEFT}", f"/{RIGHT}")] if {f"/{LEFT}", f"/{RIGHT}"} <= pictures.keys() else []
-    pairs = pairs or [
-        (camera, partner)
-        for camera in pictures
-        for left, right in SIDE_WORDS
-        if camera.endswith(left)
-        and (partner := camera.removesuffix(left) + right) in pictures
-        and _have_common_time(pictures[camera], pictures[partner])
-    ]
-    if len(pairs) != 1:
-        found = ", ".join(pictures) or "none"
-        raise InputError(
-            f"{file}: holds {len(pairs)} stereo pairs, one is needed: cameras named /{LEFT} and "
-            f"/{RIGHT}, or two that end in left and right; with pictures are: {found}"
-        )
-    left, right = pairs[0]
-    return Cameras(left, right, pictures[left], pictures[right])
-
-
-def _have_common_time(left: Topic, right: Topic) -> bool:
-    return bool(min(left.times_ns) <= max(right.times_ns)) and bool(
-        min(right.times_ns) <= max(left.times_ns)
-    )
-
-
-def _match(cameras: Cameras, file: Path) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the left pictures in order of time, each time once, and the right one of each."""
-    left_ns, lefts = np.unique(np.array(cameras.left_topic.times_ns, np.int64), return_index=True)
-    right_ns, rights = np.unique(
-        np.array(cameras.right_topic.times_ns, np.int64), return_index=True
-    )
-    after = np.clip(np.searchsorted(right_ns, left_ns), 0, len(right_ns) - 1)
-    before = np.maximum(after - 1, 0)
-    is_before = np.abs(right_ns[before] - left_ns) < np.abs(right_ns[after] - left_ns)
-    nearest = np.where(is_before, before, after)
-    is_near = np.abs(right_ns[nearest] - left_ns) <= PAIR_TOLERANCE_NS
-    if not is_near.any():
-        raise InputError(
-            f"{file}: none of {len(lefts)} left and {len(rights)} right pictures are of the same "
-            f"time; left starts at {left_ns[0]} ns, right at {right_ns[0]} ns"
-        )
-    return lefts, np.where(is_near, rights[nearest], NO_PARTNER)

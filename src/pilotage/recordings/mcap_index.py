@@ -29,20 +29,22 @@ from pilotage.recordings.mcap_records import (
     split_chunk,
     unpack_chunk,
 )
+from pilotage.recordings.mcap_writer import PART_SUFFIX, STATIC_TRANSFORMS_TOPIC
 
+FILE_NAME = "recording.mcap"
 TOP_LEVEL = -1  # instead of a chunk's offset: a message outside of chunks
 CACHED_BYTES = 8 << 20
 # Topics of which the first messages are kept; more would say the same again.
-KEPT_TYPES = (ros.CAMERA_INFO, ros.TRANSFORMS)
 KEPT_MESSAGES = 1000
-STAMPED_TYPES = (ros.IMAGE, ros.COMPRESSED_IMAGE, ros.POSE)
+LISTED_TYPES = (ros.IMAGE, ros.COMPRESSED_IMAGE, ros.POSE, ros.ODOMETRY, ros.JOINTS)
+KNOWN_TYPES = (*LISTED_TYPES, ros.CAMERA_INFO, ros.TRANSFORMS)
 
 
 @dataclass
 class Topic:
     """A topic's messages: each one's time and place, or its `first` ones as bytes.
 
-    Times are of the header's stamp; where it says nothing, of the log.
+    Times are of the header's stamp; where it says nothing or there is none, of the log.
     """
 
     name: str
@@ -56,18 +58,44 @@ class Topic:
 
     def add(self, message: Message, chunk: int, offset: int) -> None:
         """Note a message whose data begin at `offset` of a chunk's content, or of the file."""
-        if self.type_name in KEPT_TYPES:
-            if len(self.first) < (1 if self.type_name == ros.CAMERA_INFO else KEPT_MESSAGES):
+        is_static = self.name == STATIC_TRANSFORMS_TOPIC
+        if self.type_name == ros.CAMERA_INFO or is_static:
+            if len(self.first) < (KEPT_MESSAGES if is_static else 1):
                 self.first.append(message.data)
             return
-        self.times_ns.append(_time_ns(message))
+        has_stamp = self.type_name != ros.TRANSFORMS  # a list of transforms, each with its own
+        self.times_ns.append(_time_ns(message) if has_stamp else message.log_time)
         self.chunks.append(chunk)
         self.offsets.append(offset)
         self.sizes.append(len(message.data))
 
 
+def find_file(path: Path) -> Path:
+    """Return the .mcap file that `path` is or holds; InputError unless it is one, and finished."""
+    files = [path] if path.is_file() else mcap_files(path)
+    if len(files) != 1:
+        raise InputError(f"{path}: holds {len(files)} .mcap files; name one of them")
+    if files[0].name.endswith(PART_SUFFIX):
+        raise InputError(f"{files[0]}: was never finished; `pilotage recover` makes it whole")
+    return files[0]
+
+
+def is_mcap(path: Path) -> bool:
+    """Tell by the name's end, of the file or of what a folder holds."""
+    names = (".mcap", f".mcap{PART_SUFFIX}")
+    return bool(path.name.endswith(names) and path.is_file()) or bool(mcap_files(path))
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """Return a folder's recording, or all it holds where none has the usual name."""
+    if not path.is_dir():
+        return []
+    usual = path / FILE_NAME
+    return [usual] if usual.is_file() else sorted(f for f in path.glob("*.mcap") if f.is_file())
+
+
 def read_index(path: Path) -> dict[str, Topic]:
-    """Return the topics of pictures, calibration, static transforms and poses, by name.
+    """Return the topics of pictures, calibration, transforms, poses and joints, by name.
 
     Reads the file once and checks it whole; InputError says what is wrong and the remedy.
     """
@@ -125,7 +153,7 @@ class _Indexer:
 
     def _add_channel(self, channel: Channel) -> None:
         schema = self._schemas.get(channel.schema_id)
-        wanted = schema is not None and schema.name in (*STAMPED_TYPES, *KEPT_TYPES)
+        wanted = schema is not None and schema.name in KNOWN_TYPES
         if schema is None or not wanted or channel.message_encoding != "cdr":
             self._channels[channel.id] = None
             return

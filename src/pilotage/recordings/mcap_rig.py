@@ -31,6 +31,12 @@ class FrameTree:
         self._neighbours.setdefault(child, {})[parent] = parent_from_child
         self._neighbours.setdefault(parent, {})[child] = parent_from_child.inverse()
 
+    def copy(self) -> FrameTree:
+        """Return the same frames, to add to."""
+        tree = FrameTree()
+        tree._neighbours = {frame: dict(near) for frame, near in self._neighbours.items()}
+        return tree
+
     def between(self, b: str, a: str) -> Transform | None:
         """Return `b_from_a` along the shortest way, None where there is none."""
         reached: dict[str, Transform] = {a: Transform()}
@@ -83,7 +89,7 @@ def read_rig(path: Path, infos: dict[str, bytes], frames: FrameTree) -> tuple[St
     Where /tf_static says nothing of both cameras' frames, R and P of the CameraInfos do.
     """
     (left, left_frame), (right, right_frame) = (
-        _read_info(path, topic, data) for topic, data in infos.items()
+        read_info(path, topic, data) for topic, data in infos.items()
     )
     right_from_left = frames.between(right_frame, left_frame)
     if right_from_left is None or left_frame == right_frame:
@@ -91,11 +97,11 @@ def read_rig(path: Path, infos: dict[str, bytes], frames: FrameTree) -> tuple[St
         right_from_left = rig.right_from_left
     found = (frames.between(robot, left_frame) for robot in ROBOT_FRAMES)
     robot_from_left = next((transform for transform in found if transform is not None), None)
-    rig = make_rig(path, _camera(left), _camera(right), right_from_left, robot_from_left)
+    rig = make_rig(path, camera_of(left), camera_of(right), right_from_left, robot_from_left)
     return rig, left_frame
 
 
-def _read_info(path: Path, topic: str, data: bytes) -> tuple[Section, str]:
+def read_info(path: Path, topic: str, data: bytes) -> tuple[Section, str]:
     """Return a CameraInfo as a calibration file's section, and its frame."""
     try:
         info = ros.read_message(data, ros.CAMERA_INFO)
@@ -113,7 +119,8 @@ def _values(info: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _camera(section: Section) -> Camera:
+def camera_of(section: Section) -> Camera:
+    """Return the camera of a CameraInfo; InputError where it is cropped or no sound one."""
     refuse_cropping(section)
     size_px = check_size(section, section.number("width"), section.number("height"))
     k = section.matrix("K", 3, 3)

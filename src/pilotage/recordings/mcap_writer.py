@@ -14,21 +14,20 @@ import numpy as np
 from mcap.records import Channel, Message
 from numpy.typing import NDArray
 
-from pilotage import Camera, Rectifier, StereoRig, Transform, __version__
+from pilotage import Camera, StereoRig, Transform, __version__
 from pilotage.atomic_files import GrowingFile, write_error
 from pilotage.errors import InputError, RunError
 from pilotage.recordings import ros_messages as ros
 from pilotage.recordings.mcap_container import ContainerWriter
+from pilotage.recordings.mcap_stereo import rectification, stereo_transforms
 
 Pictures = Literal["auto", "png", "raw"]
 
 PART_SUFFIX = ".part"
 LEFT, RIGHT, ROBOT, WORLD = "front_left", "front_right", "robot", "world"
-AXES_SUFFIX = "_axes"
 STATIC_TRANSFORMS_TOPIC, TRANSFORMS_TOPIC = "/tf_static", "/tf"
 ODOMETRY_TOPIC, TRUTH_TOPIC, JOINTS_TOPIC = "/odom", "/truth/pose", "/joint_states"
 BODY_KEY = "child_frame_id"  # of the truth's channel: whose poses these are
-IDENTITY_WXYZ = [1.0, 0.0, 0.0, 0.0]
 # Decoding costs time with every replay: PNG only where it saves this share of the picture.
 WORTH_PNG = 0.8
 PNG_LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, 1]
@@ -106,9 +105,8 @@ class McapWriter:
         self, rig: StereoRig, *, timestamp_ns: int, left: str = LEFT, right: str = RIGHT
     ) -> None:
         """Say how a stereo pair is built; its two cameras' pictures may follow."""
-        rectification = _rectification(rig)
         for name, camera, (turn, projection) in zip(
-            (left, right), (rig.left, rig.right), rectification, strict=True
+            (left, right), (rig.left, rig.right), rectification(rig), strict=True
         ):
             self._cameras[name] = (camera, turn, projection)
         statics = stereo_transforms(rig.right_from_left, left, right)
@@ -202,6 +200,13 @@ class McapWriter:
         data = ros.pose(WORLD, timestamp_ns, world_from_body)
         self._write(TRUTH_TOPIC, ros.POSE, timestamp_ns, data, **{BODY_KEY: body})
 
+    def write_frame_truth(
+        self, frame: str, *, timestamp_ns: int, world_from_frame: Transform
+    ) -> None:
+        """Write a true pose of a further frame, say a camera on a head, on /truth/<frame>."""
+        data = ros.pose(WORLD, timestamp_ns, world_from_frame)
+        self._write(frame_truth_topic(frame), ros.POSE, timestamp_ns, data, **{BODY_KEY: frame})
+
     def write_joints(self, *, timestamp_ns: int, positions_rad: Mapping[str, float]) -> None:
         """Write joint angles by name, say of a humanoid's head."""
         data = ros.joints(timestamp_ns, positions_rad)
@@ -258,41 +263,12 @@ class McapWriter:
         return channel
 
 
+def frame_truth_topic(frame: str) -> str:
+    """Return the topic with the true poses of a frame other than that of /truth/pose."""
+    return f"/truth/{frame}"
+
+
 def check_mcap_name(path: Path) -> None:
     """Raise InputError unless the name is one by which a recording is recognised."""
     if path.suffix != ".mcap":
         raise InputError(f"{path}: a recording's name must end in .mcap; rename it")
-
-
-def stereo_transforms(
-    right_from_left: Transform, left: str, right: str
-) -> dict[tuple[str, str], Transform]:
-    """Return right's place on left, by (parent, child), from which `right_from_left` comes exactly.
-
-    A rotation alone and a translation alone lose no digit when inverted, both together do. So a
-    turned right camera hangs on a frame between: at the left camera, with the right one's axes.
-    """
-    axes_from_right = Transform(translation_m=(-right_from_left.translation_m).tolist())
-    if right_from_left.quaternion_wxyz.tolist() == IDENTITY_WXYZ:
-        return {(left, right): axes_from_right}
-    rotation = Transform(quaternion_wxyz=right_from_left.quaternion_wxyz.tolist())
-    axes = right + AXES_SUFFIX
-    return {(left, axes): rotation.inverse(), (axes, right): axes_from_right}
-
-
-def _rectification(rig: StereoRig) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return rotation (3, 3) and projection (3, 4) of the ideal left and right camera, pixels."""
-    try:
-        rectifier = Rectifier(rig=rig)
-    except ValueError as error:
-        raise InputError(f"the rig cannot be rectified ({error}); calibrate again") from None
-    ideal, result = rectifier.stereo, []
-    sides = (
-        (rectifier.rectified_from_left, ideal.cx_px, 0.0),
-        (rectifier.rectified_from_right, ideal.cx_right_px, ideal.baseline_m),
-    )
-    for turn, cx_px, shift_m in sides:
-        f = ideal.focal_px
-        projection = [[f, 0, cx_px, -f * shift_m], [0, f, ideal.cy_px, 0], [0, 0, 1, 0]]
-        result.append((np.array(turn.matrix()[:3, :3]), np.array(projection)))
-    return result

@@ -7,7 +7,7 @@ import importlib
 from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from pilotage import StereoRig
 from pilotage.errors import InputError
@@ -60,12 +60,27 @@ class Format(Protocol):
         """Open; InputError when the content does not hold what the names promise."""
 
 
+@runtime_checkable
+class PairsFormat(Protocol):
+    """A format whose recordings may hold several stereo pairs, each with a name."""
+
+    def open_pair(
+        self, path: Path, calibration: Path | None, rate_hz: float | None, pair: str
+    ) -> Recording:
+        """Open the pair of that name; InputError lists those there are."""
+
+
 def open_recording(
-    path: str | Path, *, calibration: str | Path | None = None, rate_hz: float | None = None
+    path: str | Path,
+    *,
+    calibration: str | Path | None = None,
+    rate_hz: float | None = None,
+    pair: str | None = None,
 ) -> Recording:
     """Open a recording of whichever format `path` is.
 
-    `calibration` replaces the recording's own; `rate_hz` replaces its times by a steady rate.
+    `calibration` replaces the recording's own; `rate_hz` replaces its times by a steady rate;
+    `pair` names the stereo pair, by default the one that looks ahead.
     Raises InputError naming the file, the value and the remedy.
     """
     source = Path(path)
@@ -77,11 +92,27 @@ def open_recording(
         for recording_format in _formats():
             if recording_format.recognises(source):
                 given = None if calibration is None else Path(calibration)
-                return recording_format(source, given, rate_hz)
+                return _open(recording_format, source, given, rate_hz, pair)
     except (OSError, ValueError) as error:  # no permission, a zero byte in a name
         raise InputError(f"{str(source)!r}: cannot be read ({error}); check the path") from error
     looked_for = "; ".join(f.looks_for for f in _formats())
     raise InputError(f"{source}: holds no recording. Looked for: {looked_for}")
+
+
+def _open(
+    recording_format: Format,
+    source: Path,
+    calibration: Path | None,
+    rate_hz: float | None,
+    pair: str | None,
+) -> Recording:
+    if pair is None:
+        return recording_format(source, calibration, rate_hz)
+    if isinstance(recording_format, PairsFormat):
+        return recording_format.open_pair(source, calibration, rate_hz, pair)
+    raise InputError(
+        f"{source}: pair {pair!r}: holds one stereo pair, which has no name; leave the name out"
+    )
 
 
 def _formats() -> Iterator[Format]:

@@ -1,23 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The protocol of a simulated body, and the table of those there are."""
+"""The protocol of a simulated body; `models.py` has the table of those there are."""
 
 from __future__ import annotations
 
-import importlib
 import math
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, Protocol
 
 from pilotage import Transform
 from pilotage.errors import InputError
 from pilotage.simulation.disturbance import Disturbance
-from pilotage.simulation.options import unknown
 
 # A body's parts are called by this prefix in the model: `robot/chassis`.
 PREFIX = "robot/"
-BODIES = {
-    "rover": "pilotage.simulation.rover:Rover",
-    "nao": "pilotage.simulation.nao:Nao",
-}
 
 
 class Pose2(NamedTuple):
@@ -75,11 +69,3 @@ class Body(Protocol):
 
     def after_step(self, time_ns: int) -> None:
         """Take note of what the step did."""
-
-
-def make_body(name: str) -> Body:
-    """Return a new body; InputError when there is none of that name."""
-    if name not in BODIES:
-        raise InputError(f"body {name!r} {unknown(name, BODIES)}")
-    module, _, kind = BODIES[name].partition(":")
-    return cast(Body, getattr(importlib.import_module(module), kind)())

@@ -31,8 +31,9 @@ class Drive:
     """A drive of a simulation's body along a path that begins where it stands.
 
     Iterate over it: each item is the time (ns) up to which the simulation has come, 20 ms apart,
-    until the body stands at the end (`has_arrived`) or has taken far too long. `path` is a name
-    such as `closed-10m`; InputError when there is none such or the speed is not positive.
+    until the body stands at the end (`has_arrived`) or has taken far too long. Who advances the
+    simulation between two items holds the drive up for that time. `path` is a name such as
+    `closed-10m`; InputError when there is none such or the speed is not positive.
     """
 
     def __init__(
@@ -48,16 +49,22 @@ class Drive:
         self._speed_m_s = speed_m_s
         position, yaw_rad = self._place()
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-        self._points = self.path.points @ np.array([[c, s], [-s, c]]) + position
+        self._points: Points = self.path.points @ np.array([[c, s], [-s, c]]) + position
         self._index = 0
 
+    @property
+    def points_in_world(self) -> Points:
+        """Return the path's points (N, 2) in the world, metres."""
+        return self._points
+
     def __iter__(self) -> Iterator[int]:
-        begin_ns = self._simulation.time_ns
         speed_m_s = self._simulation.body.command(
-            Motion(self._speed_m_s, 0.0, 0.0), begin_ns + LIFETIME_NS
+            Motion(self._speed_m_s, 0.0, 0.0), self._simulation.time_ns + LIFETIME_NS
         ).linear_m_s
         allowed_s = PATIENCE * (1 + self.path.length_m / max(speed_m_s, SLOWEST_M_S)) + 10
-        while not self._has_ended(begin_ns, allowed_s):
+        periods_left = round(allowed_s * 1e9 / PERIOD_NS)
+        while not self._is_there() and periods_left > 0:
+            periods_left -= 1
             now_ns = self._simulation.time_ns
             self._simulation.body.command(self._steer(speed_m_s), now_ns + LIFETIME_NS)
             self._simulation.advance(now_ns + PERIOD_NS)
@@ -74,11 +81,10 @@ class Drive:
             pass
         return self.has_arrived
 
-    def _has_ended(self, begin_ns: int, allowed_s: float) -> bool:
+    def _is_there(self) -> bool:
         self._look()
         self.has_arrived = self._left_m() < ARRIVED_M
-        late = self._simulation.time_ns - begin_ns > allowed_s * 1e9
-        return self.has_arrived or late
+        return self.has_arrived
 
     def _place(self) -> tuple[NDArray[np.float64], float]:
         """Return the true position (2,) and yaw."""

@@ -35,6 +35,11 @@ class Gait:
         self._drift_rad_m = DRIFT_RAD_M * rng.standard_normal()
         self._draw()
 
+    @property
+    def steps(self) -> int:
+        """Return how many steps are done."""
+        return self._steps
+
     def advance(self, wanted: Motion, duration_s: float) -> Motion:
         """Return the motion the robot believes in after a short time of wanting `wanted`."""
         share = 1 - math.exp(-duration_s / LAG_S)

@@ -86,6 +86,16 @@ class Nao:
         self._show()
 
     @property
+    def steps(self) -> int:
+        """Return how many steps it has taken."""
+        return self._gait.steps
+
+    @property
+    def robot_from_torso(self) -> Transform:
+        """Return where its legs hold the torso, by its own joints: a shaken body does not know."""
+        return Transform(translation_m=[0.0, 0.0, self._torso_m])
+
+    @property
     def posture(self) -> str | None:
         """Return `stand` or `crouch`, or None while on the way between them."""
         return self._posture if self._torso_m == TORSO_M[self._posture] else None
@@ -166,8 +176,7 @@ class Nao:
             translation_m=[self._place.x_m, self._place.y_m, self._height_m],
             quaternion_wxyz=yaw_quaternion(self._place.yaw_rad),
         )
-        upright = Transform(translation_m=[0.0, 0.0, self._torso_m])
-        shaken = place @ self._gait.sway() @ upright
+        shaken = place @ self._gait.sway() @ self.robot_from_torso
         for mocap, pose in ((ground, place), (torso, shaken)):
             self._data.mocap_pos[mocap] = pose.translation_m
             self._data.mocap_quat[mocap] = pose.quaternion_wxyz

@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 
 from pilotage import Transform
 from pilotage.errors import InputError, RunError
-from pilotage.simulation.body import PREFIX, Body, make_body
+from pilotage.simulation.body import PREFIX, Body
 from pilotage.simulation.disturbance import disturbance
 from pilotage.simulation.faults import Fault, check_faults
 from pilotage.simulation.history import PoseHistory
 from pilotage.simulation.mark_covers import cover_marks
+from pilotage.simulation.models import robot_model
 from pilotage.simulation.optics import MUJOCO_FROM_CAMERA
 from pilotage.simulation.options import check_seed, unknown
-from pilotage.simulation.scene import START, WALK_PREFIX, yaw_quaternion
+from pilotage.simulation.scene import WALK_PREFIX, yaw_quaternion
 from pilotage.simulation.sight import height_below_m
 from pilotage.simulation.solids import Solids
 from pilotage.simulation.walkers import Walk, read_walk
-from pilotage.simulation.world import World
+from pilotage.simulation.world import World, start_of
 
 STEP_NS = 2_000_000
 REMEMBERED_STEPS = 200  # 0.4 s: longer than any exposure, read-out and want of step together
@@ -55,7 +56,7 @@ class Simulation:
         faults: Sequence[Fault] = (),
     ) -> None:
         self.world = world
-        self.body = make_body(body) if isinstance(body, str) else body
+        self.body = robot_model(body).make_body() if isinstance(body, str) else body
         self.faults = tuple(faults)
         spec = world.spec()
         self._walks = [
@@ -63,16 +64,20 @@ class Simulation:
             for text in spec.texts
             if text.name.startswith(WALK_PREFIX)
         ]
-        self._start = _start(spec, world)
+        self._start = start_of(spec, world.name)
         self._covers = cover_marks(spec, world, self.faults)
         self.model: Any = _compile(spec, world, self.body)
         self.data: Any = mujoco.MjData(self.model)
         check_faults(self.faults, body_faults=self.body.faults, cameras=self.camera_names)
         self._mocap = [self._mocap_of(walk) for walk in self._walks]
-        self._robot = self.model.body(f"{PREFIX}robot").id
-        mounts = sorted({int(i) for i in self.model.cam_bodyid})
-        self._mounts = np.array([self._robot, *mounts])
-        self._history = PoseHistory(len(self._mounts), REMEMBERED_STEPS, STEP_NS)
+        mounts = {int(body) for body in self.model.cam_bodyid}
+        self._parts = {
+            name.removeprefix(PREFIX): body
+            for body in range(self.model.nbody)
+            if (name := self.model.body(body).name).startswith(PREFIX)
+        }
+        self._remembered = np.array(sorted(mounts | set(self._parts.values())))
+        self._history = PoseHistory(len(self._remembered), REMEMBERED_STEPS, STEP_NS)
         self._time_ns = 0
         self._begin(check_seed(seed))
 
@@ -97,7 +102,13 @@ class Simulation:
 
     def robot_pose(self, time_ns: int | None = None) -> Transform:
         """Return the true world_from_robot, now or at a time of the last 0.4 s."""
-        return self._history.pose(0, self._time_ns if time_ns is None else time_ns)
+        return self.part_pose("robot", time_ns)
+
+    def part_pose(self, name: str, time_ns: int | None = None) -> Transform:
+        """Return world_from_part of a part of the body, `robot` or `torso`, as `robot_pose`."""
+        if name not in self._parts:
+            raise InputError(f"part {name!r} {unknown(name, self._parts)}")
+        return self._pose(self._parts[name], self._time_ns if time_ns is None else time_ns)
 
     def camera_pose(self, name: str, time_ns: int | None = None) -> Transform:
         """Return world_from_camera (x right, y down, z forward), now or within the last 0.4 s.
@@ -112,12 +123,16 @@ class Simulation:
         if name not in self.camera_names:
             raise InputError(f"camera {name!r} {unknown(name, self.camera_names)}")
         camera = self.camera_names.index(name)
-        mount = 1 + list(self._mounts[1:]).index(self.model.cam_bodyid[camera])
+        mount = int(self.model.cam_bodyid[camera])
         body_from_mujoco = Transform(
             translation_m=self.model.cam_pos[camera], quaternion_wxyz=self.model.cam_quat[camera]
         )
         body_from_camera = body_from_mujoco @ MUJOCO_FROM_CAMERA
-        return [self._history.pose(mount, time) @ body_from_camera for time in times_ns]
+        return [self._pose(mount, time) @ body_from_camera for time in times_ns]
+
+    def _pose(self, body: int, time_ns: int) -> Transform:
+        """Return world_from_body of a body of the model that is remembered."""
+        return self._history.pose(int(np.searchsorted(self._remembered, body)), time_ns)
 
     def _begin(self, seed: int) -> None:
         """Put the body on the ground, let it come to rest, and start the clock."""
@@ -193,7 +208,7 @@ class Simulation:
         self._remember()
 
     def _remember(self) -> None:
-        poses = self.data.xpos[self._mounts], self.data.xquat[self._mounts]
+        poses = self.data.xpos[self._remembered], self.data.xquat[self._remembered]
         self._history.add(self._time_ns, *poses)
 
     def _move_things(self, time_ns: int) -> None:
@@ -226,12 +241,3 @@ def _compile(spec: Any, world: World, body: Body) -> Any:
         return spec.compile()
     except ValueError as error:
         raise world.fault(error) from error
-
-
-def _start(spec: Any, world: World) -> tuple[float, float, float]:
-    """Return x, y, yaw of the start: the world's note, or the origin."""
-    notes = [list(numeric.data) for numeric in spec.numerics if numeric.name == START]
-    x_m, y_m, yaw_rad = notes[0] if notes and len(notes[0]) == 3 else (0.0, 0.0, 0.0)
-    if notes and len(notes[0]) != 3:
-        raise InputError(f"{world.name}: numeric 'start' must be x, y (m) and yaw (rad)")
-    return float(x_m), float(y_m), float(yaw_rad)

@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 
 from pilotage.errors import InputError
+from pilotage.simulation.scene import START
 
 
 @dataclass(frozen=True)
@@ -37,3 +38,12 @@ class World:
         """Return the error that names this world and MuJoCo's reason."""
         reason = " ".join(str(error).split())
         return InputError(f"{self.path or self.name}: no valid MJCF ({reason}); correct it")
+
+
+def start_of(spec: Any, name: str) -> tuple[float, float, float]:
+    """Return x, y (m) and yaw (rad) of the start: the world's note, or the origin."""
+    notes = [list(numeric.data) for numeric in spec.numerics if numeric.name == START]
+    x_m, y_m, yaw_rad = notes[0] if notes and len(notes[0]) == 3 else (0.0, 0.0, 0.0)
+    if notes and len(notes[0]) != 3:
+        raise InputError(f"{name}: numeric 'start' must be x, y (m) and yaw (rad)")
+    return float(x_m), float(y_m), float(yaw_rad)

@@ -58,15 +58,22 @@ def build_yard(scene: Scene, options: YardOptions) -> None:
     _add_objects(scene, options, layout, relief)
 
 
+def side_for_m(path: str, path_clear_m: float = YardOptions.path_clear_m) -> int:
+    """Return the side, m, of the smallest yard that a path fits into."""
+    parsed = parse_path(path)
+    half_m = float(np.abs(parsed.points - parsed.centre()).max()) + path_clear_m
+    return math.ceil(2 * half_m)
+
+
 def _layout(options: YardOptions) -> Layout:
     path = parse_path(options.path)
     middle = path.centre()
     half_m = options.size_m / 2
-    needed_m = float(np.abs(path.points - middle).max()) + options.path_clear_m
-    if needed_m > half_m:
+    needed_m = side_for_m(options.path, options.path_clear_m)
+    if needed_m > options.size_m:
         raise InputError(
             f"yard: path = {options.path!r} does not fit into size_m = {options.size_m:g}; "
-            f"raise size_m to {math.ceil(2 * needed_m)}"
+            f"raise size_m to {needed_m}"
         )
     centre_m = (float(middle[0]), float(middle[1]))
     # Every tenth point: a quarter of a metre apart is fine enough to keep a corridor free.

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a simulated robot sees, believes and truly does, written into a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pilotage import Transform
+from pilotage.recordings.mcap_writer import ROBOT, McapWriter
+from pilotage.simulation import Simulation
+from pilotage.simulation.body import Pose2
+from pilotage.simulation.camera_group import CameraGroup
+from pilotage.simulation.scene import yaw_quaternion
+
+ODOM = "odom"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """How far a recording is: `shots` are pairs, or pictures of single cameras."""
+
+    time_ns: int
+    shots: int
+    share_done: float
+    world_from_robot: Transform
+
+
+class Recorder:
+    """Writes what groups of cameras see, with the robot's odometry and the truth."""
+
+    def __init__(
+        self, simulation: Simulation, groups: Mapping[str, CameraGroup], writer: McapWriter
+    ) -> None:
+        self.shots = 0
+        self._simulation = simulation
+        self._groups = groups
+        self._writer = writer
+        self._newest_truth_ns = -1
+        self._newest_note_ns = -1
+
+    def shoot(self, ended_ns: int | None = None) -> None:
+        """Let every camera take its picture, now or at a time of the last 0.2 s.
+
+        The truth of that time goes with it; a group whose picture is lost counts as well.
+        """
+        self.shots += 1
+        for group in self._groups.values():
+            shot = group.take(ended_ns)
+            if shot is None:
+                continue
+            self._write_truth(shot.taken_ns)
+            for name, picture in shot.pictures.items():
+                self._writer.write_picture(
+                    name,
+                    timestamp_ns=shot.stamps_ns[name],
+                    picture=picture,
+                    encoding="bgr8" if picture.ndim == 3 else "mono8",
+                )
+
+    def note(self) -> None:
+        """Write odometry, moving frames and truth of now, once for each time."""
+        now_ns, body = self._simulation.time_ns, self._simulation.body
+        if now_ns <= self._newest_note_ns:
+            return
+        self._newest_note_ns = now_ns
+        odom_from_robot = _planar(body.odometry)
+        forward, left, turn = body.motion
+        self._writer.write_odometry(
+            timestamp_ns=now_ns,
+            odom_from_robot=odom_from_robot,
+            twist=(forward, left, 0.0, 0.0, 0.0, turn),
+        )
+        moving = {(ODOM, ROBOT): odom_from_robot, **self._moving_frames()}
+        self._writer.write_transforms(moving, timestamp_ns=now_ns)
+        self._write_truth(now_ns)
+
+    def _moving_frames(self) -> dict[tuple[str, str], Transform]:
+        """Return how the robot believes its own parts sit on each other, by (parent, child)."""
+        return {}
+
+    def _write_truth(self, time_ns: int) -> None:
+        # Truth rises in time; what came in between is found by interpolating.
+        if time_ns > self._newest_truth_ns:
+            self._newest_truth_ns = time_ns
+            self._write_truth_of(time_ns)
+
+    def _write_truth_of(self, time_ns: int) -> None:
+        pose = self._simulation.robot_pose(time_ns)
+        self._writer.write_truth(timestamp_ns=time_ns, world_from_body=pose)
+
+
+def _planar(pose: Pose2) -> Transform:
+    return Transform(translation_m=[pose[0], pose[1], 0.0], quaternion_wxyz=yaw_quaternion(pose[2]))
