@@ -134,7 +134,8 @@ def test_a_rate_that_the_steps_of_the_drive_do_not_divide(tmp_path: Path):
     done = call("simulate", "yard", "-o", out, *arguments, "--speed", "0.8")
     assert done.exit_code == 0, done.output
     times_ns = [frame.timestamp_ns for frame in open_recording(out).frames()]
-    assert set(np.diff(times_ns).tolist()) <= {17857142, 17857143}
+    # A stamp is the middle of an exposure, whose length follows the light.
+    np.testing.assert_allclose(np.diff(times_ns), 1e9 / 56, atol=1e6)
 
 
 def test_the_same_arguments_give_the_same_bytes(recorded: Path, tmp_path: Path):
