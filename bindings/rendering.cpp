@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
 #include <optional>
 #include <span>
 
 #include "numpy.hpp"
+#include "rendering/exposure.hpp"
 #include "rendering/scene.hpp"
 #include "rendering/view.hpp"
 
@@ -47,10 +49,14 @@ int add_shape(Scene& scene, ShapeKind kind, const std::array<double, 3>& size_m,
 }
 
 void set_light(Scene& scene, const std::array<double, 3>& to_sun, float sun, float sky,
-               float background) {
+               float background, float sky_slope,
+               const std::vector<std::pair<std::array<double, 3>, float>>& lamps) {
   const Eigen::Vector3d direction(to_sun.data());
   if (!(direction.norm() > 0)) throw std::invalid_argument("to_sun has no length");
-  scene.light = {direction.normalized(), sun, sky, background};
+  scene.light = {direction.normalized(), sun, sky, sky_slope, background, {}};
+  for (const auto& [position_m, power] : lamps) {
+    scene.light.lamps.push_back({Eigen::Vector3d(position_m.data()), power});
+  }
 }
 
 nb::dict render_view(const Scene& scene, const CameraRays& camera,
@@ -74,15 +80,32 @@ nb::dict render_view(const Scene& scene, const CameraRays& camera,
   return result;
 }
 
+using Light = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+
+nb::object expose_light(const Light& light, const Light& sensitivity, float grey, float read_noise,
+                        float shot_noise2, std::uint64_t seed) {
+  std::vector<std::uint8_t> picture(light.size());
+  {
+    nb::gil_scoped_release unlocked;
+    expose({light.data(), light.size()}, {sensitivity.data(), sensitivity.size()},
+           {grey, read_noise, shot_noise2, seed}, picture);
+  }
+  std::vector<std::size_t> shape(light.shape_ptr(), light.shape_ptr() + light.ndim());
+  return nb::cast(move_to_numpy<std::uint8_t>(std::move(picture), shape));
+}
+
 void bind_looks(nb::module_& m) {
   nb::class_<SurfaceLayer>(m, "SurfaceLayer", "One octave band of a surface's brightness.")
       .def(
           "__init__",
-          [](SurfaceLayer* self, int exemplar, float amplitude, float texel_m, std::uint32_t seed) {
-            new (self) SurfaceLayer{exemplar, amplitude, texel_m, seed};
+          [](SurfaceLayer* self, int exemplar, float amplitude, float texel_m, std::uint32_t seed,
+             bool has_grain) {
+            new (self) SurfaceLayer{exemplar, amplitude, texel_m, seed, has_grain};
           },
           nb::kw_only(), "exemplar"_a, "amplitude"_a, "texel_m"_a, "seed"_a = 0,
-          "exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres.");
+          "has_grain"_a = false,
+          "exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres; "
+          "has_grain: has a direction of its own, so is never turned.");
   nb::class_<Material>(m, "Material", "How a shape looks: (albedo + layers) times colour.")
       .def(
           "__init__",
@@ -119,8 +142,12 @@ void bind_scene(nb::module_& m) {
            "world_from_shape"_a, "data"_a = -1,
            "Sizes as MuJoCo's geom; data: which height field or mesh. Throws ValueError.")
       .def("set_pose", &Scene::set_pose, "shape"_a, "world_from_shape"_a)
-      .def("set_light", &set_light, nb::kw_only(), "to_sun"_a, "sun"_a, "sky"_a, "background"_a,
-           "Direction to the sun, and the radiance of a white surface by sun and by sky.");
+      .def(
+          "set_light", &set_light, nb::kw_only(), "to_sun"_a, "sun"_a, "sky"_a, "background"_a,
+          "sky_slope"_a = 0.4f, "lamps"_a = std::vector<std::pair<std::array<double, 3>, float>>{},
+          "Direction to the sun, and the radiance of a white surface by sun and by sky; sky_slope: "
+          "part of the latter that depends on facing up; lamps: "
+          "position_m and the radiance of a white surface one metre away.");
 }
 
 }  // namespace
@@ -136,6 +163,11 @@ void bind_rendering(nb::module_& m) {
         "Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and "
         "shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is "
         "exposed; the same place for a global shutter.");
+  m.def("expose", &expose_light, "light"_a, "sensitivity"_a, nb::kw_only(), "grey"_a,
+        "read_noise"_a, "shot_noise2"_a, "seed"_a,
+        "Return the uint8 picture of `light` times `sensitivity` (float32 of one shape). grey: "
+        "value of radiance 1; read_noise: standard deviation; shot_noise2: variance of light's "
+        "noise over its grey value; each value's noise follows from seed and place.");
 }
 
 }  // namespace pilotage

@@ -6,9 +6,11 @@
 // the platform's own vectors (NEON on aarch64).
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__)
+#define PILOTAGE_HAS_CLONES 1
 #define PILOTAGE_KERNEL \
   __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
+#define PILOTAGE_HAS_CLONES 0
 #define PILOTAGE_KERNEL
 #endif
 #define PILOTAGE_INLINE inline __attribute__((always_inline))

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <vector>
 
-#include "rendering/placed_shape.hpp"
+#include "rendering/surface.hpp"
+#include "rendering/surface_point.hpp"
 
-namespace pilotage::casting {
-
-using namespace lanes;
+namespace pilotage::PILOTAGE_ARCH {
 
 /// Rays of a group and how they change over one pixel.
 struct PixelRays {
@@ -20,7 +21,7 @@ struct PixelRays {
 
 /// What became of a group of rays.
 struct Seen {
-  Floats distance = splat(std::numeric_limits<float>::infinity());
+  Floats distance = Floats{} + std::numeric_limits<float>::infinity();
   Ints shape = Ints{} - 1;
   Ints key = Ints{};  ///< differs where pixels see different things
   Floats radiance[3] = {};
@@ -31,43 +32,320 @@ struct Sphere {
   float radius;
 };
 
+/// Directions within an angle of `axis`.
+struct Cone {
+  float axis[3];
+  float cosine, sine;
+};
+
+/// The cone about the view's centre in which a shape lies; all directions if it is too near.
+struct SeenShape {
+  Cone cone;
+  bool is_around = true;
+};
+
 using Placed = std::vector<PlacedShape>;
 using Chosen = std::vector<int>;
+
+/// Shapes that may stand between what a tile sees and each light.
+struct Shading {
+  Chosen sun;
+  std::vector<Chosen> lamps;
+};
+
+/// A lamp as one view sees it.
+struct PlacedLamp {
+  float position[3];
+  float power;
+};
 
 /// Casts rays into what one view sees.
 class Caster {
  public:
-  Caster(const Scene& scene, const Eigen::Vector3d& centre, int channels)
+  /// No ray starts further than `slack_m` from the view's centre.
+  Caster(const Scene& scene, const Eigen::Vector3d& centre, float slack_m, int channels)
       : scene_(scene), channels_(channels) {
     for (int i = 0; i < static_cast<int>(scene.shapes().size()); ++i) {
       placed_.push_back(place(scene, i, centre));
+      seen_.push_back(cone_about(placed_.back(), slack_m));
+    }
+    for (const Material& material : scene.materials()) {
+      details_.push_back(detail_of(scene, material));
     }
     const Eigen::Vector3d to_sun = scene.light.to_sun.normalized();
     for (int i = 0; i < 3; ++i) to_sun_[i] = static_cast<float>(to_sun[i]);
+    for (const Lamp& lamp : scene.light.lamps) {
+      const Eigen::Vector3f at = (lamp.position_m - centre).cast<float>();
+      lamps_.push_back({{at.x(), at.y(), at.z()}, lamp.power});
+    }
   }
 
-  const Placed& placed() const { return placed_; }
-  Chosen in_cone(const float (&axis)[3], float cosine, float slack_m) const;
+  Chosen in_cone(const Cone& rays) const;
   /// Fills `seen` for `groups` groups of rays that meet nothing but `candidates`, in the shadow of
   /// nothing but `shading`; finds out the latter where it is not given.
   void cast(const PixelRays* rays, int groups, const Chosen& candidates,
-            std::optional<Chosen>& shading, Seen* seen) const;
+            std::optional<Shading>& shading, SurfaceReader& surfaces, Seen* seen) const;
 
  private:
-  Chosen choose_shading(const Sphere& lit) const;
+  static SeenShape cone_about(const PlacedShape& shape, float slack_m);
+  Chosen between_sun(const Sphere& lit) const;
+  Chosen between_lamp(const Sphere& lit, const PlacedLamp& lamp) const;
+  Shading choose_shading(const Sphere& lit) const;
   void find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const;
   std::optional<Sphere> hits(const PixelRays* rays, int groups, const Seen* seen) const;
-  void shade(const PixelRays& pixels, const Chosen& candidates, const Chosen& shading,
-             Seen& seen) const;
+  void shade(const PixelRays& pixels, const Chosen& candidates, const Shading& shading,
+             SurfaceReader& surfaces, Seen& seen) const;
   void shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
-                   const Chosen& shading, Seen& seen) const;
-  Ints in_shadow(const Vectors& point, const Vectors& normal, const Ints& mask,
-                 const Chosen& shading) const;
+                   const Shading& shading, SurfaceReader& surfaces, Seen& seen) const;
+  Floats sun_and_sky(const Vectors& point, const Vectors& normal, const Ints& mask,
+                     const Shading& shading, Ints& dark) const;
+  Floats lamp_light(const Vectors& point, const Vectors& normal, const Ints& mask,
+                    const Shading& shading, Ints& dark) const;
+  Ints in_shadow(const Rays& from_surface, const Vectors& normal, const Ints& mask,
+                 const Chosen& shading, const Floats& furthest) const;
 
   const Scene& scene_;
   int channels_;
   Placed placed_;
+  std::vector<SeenShape> seen_;
+  std::vector<MaterialDetail> details_;
   float to_sun_[3];
+  std::vector<PlacedLamp> lamps_;
 };
 
-}  // namespace pilotage::casting
+constexpr float nearest_m = 1e-3f;
+/// A shadow's ray starts so far above the surface: it must not meet what it leaves.
+constexpr float lift_m = 1e-3f;
+constexpr float most_grazing = 0.02f;
+/// A lamp has a size: what is so near to it is the lamp itself and shades nothing.
+constexpr float lamp_m = 0.1f;
+/// Shadows of so many lamps and of the sun are told apart on their edges.
+constexpr int marked_lamps = 5;
+constexpr int key_of_lights = 2 << marked_lamps;
+
+/// The lane of the mask that is nearest to the middle of the group.
+inline int typical_lane(const Ints& mask) {
+  for (int away = 0; away <= count / 2; ++away) {
+    if (count / 2 + away < count && mask[count / 2 + away]) return count / 2 + away;
+    if (mask[count / 2 - away]) return count / 2 - away;
+  }
+  return 0;
+}
+
+inline SeenShape Caster::cone_about(const PlacedShape& shape, float slack_m) {
+  const float radius = shape.radius + slack_m;
+  const float* c = shape.centre;
+  const float away = std::hypot(c[0], c[1], c[2]);
+  if (!(away > radius)) return {};
+  const float sine = radius / away;
+  return {{{c[0] / away, c[1] / away, c[2] / away}, std::sqrt(1 - sine * sine), sine}, false};
+}
+
+/// Shapes that rays within a cone may meet.
+inline Chosen Caster::in_cone(const Cone& rays) const {
+  Chosen chosen;
+  for (int i = 0; i < static_cast<int>(placed_.size()); ++i) {
+    const Cone& shape = seen_[i].cone;
+    // Two cones meet if their axes lie no further apart than their angles add up to.
+    const float cosine = rays.cosine * shape.cosine - rays.sine * shape.sine;
+    const float sine = rays.sine * shape.cosine + rays.cosine * shape.sine;
+    const float between =
+        rays.axis[0] * shape.axis[0] + rays.axis[1] * shape.axis[1] + rays.axis[2] * shape.axis[2];
+    if (seen_[i].is_around || sine <= 0 || between >= cosine - 1e-5f) chosen.push_back(i);
+  }
+  return chosen;
+}
+
+/// Shapes that may stand between the sun and what lies within `lit`.
+inline Chosen Caster::between_sun(const Sphere& lit) const {
+  Chosen chosen;
+  const float across_sun = std::sqrt(std::max(0.0f, 1 - to_sun_[2] * to_sun_[2]));
+  for (int i = 0; i < static_cast<int>(placed_.size()); ++i) {
+    const PlacedShape& s = placed_[i];
+    // A plane shades nothing that the camera sees from the same side; gentle ground not itself.
+    if (s.kind == ShapeKind::plane) continue;
+    if (s.height_field && s.height_field->steepest * across_sun < to_sun_[2]) continue;
+    const float d[3] = {s.centre[0] - lit.centre[0], s.centre[1] - lit.centre[1],
+                        s.centre[2] - lit.centre[2]};
+    const float along = d[0] * to_sun_[0] + d[1] * to_sun_[1] + d[2] * to_sun_[2];
+    const float reach = s.radius + lit.radius;
+    const float across2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - along * along;
+    if (along > -reach && across2 < reach * reach) chosen.push_back(i);
+  }
+  return chosen;
+}
+
+/// Shapes that may stand between a lamp and what lies within `lit`.
+inline Chosen Caster::between_lamp(const Sphere& lit, const PlacedLamp& lamp) const {
+  Chosen chosen;
+  const float* to = lamp.position;
+  const float way[3] = {to[0] - lit.centre[0], to[1] - lit.centre[1], to[2] - lit.centre[2]};
+  const float length2 = way[0] * way[0] + way[1] * way[1] + way[2] * way[2] + 1e-12f;
+  for (int i = 0; i < static_cast<int>(placed_.size()); ++i) {
+    const PlacedShape& s = placed_[i];
+    const float d[3] = {s.centre[0] - lit.centre[0], s.centre[1] - lit.centre[1],
+                        s.centre[2] - lit.centre[2]};
+    const float part =
+        std::clamp((d[0] * way[0] + d[1] * way[1] + d[2] * way[2]) / length2, 0.0f, 1.0f);
+    // The rays form a cone: as wide as what is lit there, and a point at the lamp.
+    const float reach = s.radius + (1 - part) * lit.radius + 1e-3f;
+    const float away = std::hypot(d[0] - part * way[0], d[1] - part * way[1], d[2] - part * way[2]);
+    // Distance to the nearest point of the axis is at most this much more than to the cone.
+    if (away <= reach + lit.radius) chosen.push_back(i);
+  }
+  return chosen;
+}
+
+inline Shading Caster::choose_shading(const Sphere& lit) const {
+  Shading shading{between_sun(lit), {}};
+  for (const PlacedLamp& lamp : lamps_) shading.lamps.push_back(between_lamp(lit, lamp));
+  return shading;
+}
+
+inline void Caster::find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const {
+  for (const int i : candidates) {
+    const Floats distance = intersect(placed_[i], pixels.rays, nearest_m);
+    const Ints is_nearer = distance < seen.distance;
+    seen.distance = is_nearer ? distance : seen.distance;
+    seen.shape = is_nearer ? Ints{} + i : seen.shape;
+  }
+}
+
+inline void Caster::shade(const PixelRays& pixels, const Chosen& candidates, const Shading& shading,
+                          SurfaceReader& surfaces, Seen& seen) const {
+  for (int c = 0; c < channels_; ++c) seen.radiance[c] = splat(scene_.light.background);
+  for (const int i : candidates) {
+    const Ints mask = seen.shape == i;
+    if (any(mask)) shade_shape(pixels, placed_[i], mask, shading, surfaces, seen);
+  }
+}
+
+inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
+                                const Shading& shading, SurfaceReader& surfaces, Seen& seen) const {
+  const int typical = typical_lane(mask);
+  const Floats distance = mask ? seen.distance : splat(seen.distance[typical]);
+  const SurfacePoint at = surface_at(shape, pixels.rays, distance);
+  const Vectors direction = to_shape(shape, pixels.rays.direction);
+  const Floats facing = dot(direction, at.normal);
+  const Floats grazing =
+      facing < 0.0f ? min(facing, splat(-most_grazing)) : max(facing, splat(most_grazing));
+  // How the hit moves when the pixel does: along the surface's tangent plane.
+  const auto moved = [&](const Vectors& change) {
+    const Vectors e = to_shape(shape, change);
+    const Floats along = dot(e, at.normal) / grazing;
+    return distance * (e - along * direction);
+  };
+  const Vectors by_x = moved(pixels.per_x), by_y = moved(pixels.per_y);
+  const Footprint footprint{dot(by_x, at.u_axis), dot(by_x, at.v_axis), dot(by_y, at.u_axis),
+                            dot(by_y, at.v_axis)};
+  const Material& material = scene_.materials()[shape.material];
+  const Ints square = checker_square(material, at.u, at.v);
+  Floats albedo = plain_albedo(material, square);
+  if (!material.layers.empty()) {
+    albedo += layers_at(surfaces, shape.material, details_[shape.material], at.u, at.v, footprint,
+                        typical, pixels.most_probes);
+    albedo = max(splat(0.01f), min(splat(1), albedo));
+  }
+  const Vectors normal = to_world(shape, at.normal);
+  const Vectors point = pixels.rays.origin + distance * pixels.rays.direction;
+  Ints dark{};
+  const Floats light = sun_and_sky(point, normal, mask, shading, dark) +
+                       lamp_light(point, normal, mask, shading, dark);
+  for (int c = 0; c < channels_; ++c) {
+    const float tint = channels_ == 1 ? material.colour.dot(Eigen::Vector3f(0.299f, 0.587f, 0.114f))
+                                      : material.colour[c];
+    seen.radiance[c] = mask ? tint * albedo * light : seen.radiance[c];
+  }
+  seen.key = mask ? (key_of_lights * (2 * (shape.index + 1) + square) + dark) : seen.key;
+}
+
+/// Light of sun and sky on a white surface; marks what lies in the sun's shadow.
+PILOTAGE_INLINE Floats Caster::sun_and_sky(const Vectors& point, const Vectors& normal,
+                                           const Ints& mask, const Shading& shading,
+                                           Ints& dark) const {
+  const Vectors to_sun{splat(to_sun_[0]), splat(to_sun_[1]), splat(to_sun_[2])};
+  const Floats toward = dot(normal, to_sun);
+  const Ints lit = mask & (toward > 0.0f);
+  const Ints is_dark =
+      (toward <= 0.0f) | in_shadow({point, to_sun}, normal, lit, shading.sun, splat(infinity));
+  dark = is_dark & 1;
+  const Floats sun = is_dark ? splat(0) : scene_.light.sun * toward;
+  // What faces down has the light that the ground throws back.
+  const float slope = scene_.light.sky_slope;
+  return sun + scene_.light.sky * (1 - slope + slope * normal.z);
+}
+
+/// Light of the lamps on a white surface; marks which of them do not reach it.
+PILOTAGE_INLINE Floats Caster::lamp_light(const Vectors& point, const Vectors& normal,
+                                          const Ints& mask, const Shading& shading,
+                                          Ints& dark) const {
+  Floats light = splat(0);
+  for (std::size_t i = 0; i < lamps_.size(); ++i) {
+    const PlacedLamp& lamp = lamps_[i];
+    const Vectors way{lamp.position[0] - point.x, lamp.position[1] - point.y,
+                      lamp.position[2] - point.z};
+    const Floats away2 = max(dot(way, way), splat(1e-4f)), away = sqrt(away2);
+    const Vectors to_lamp{way.x / away, way.y / away, way.z / away};
+    const Floats toward = dot(normal, to_lamp);
+    const Ints lit = mask & (toward > 0.0f);
+    const Ints is_dark = (toward <= 0.0f) |
+                         in_shadow({point, to_lamp}, normal, lit, shading.lamps[i], away - lamp_m);
+    dark += is_dark & (2 << std::min<int>(static_cast<int>(i), marked_lamps - 1));
+    light += is_dark ? splat(0) : lamp.power * toward / away2;
+  }
+  return light;
+}
+
+/// Which rays meet something that is nearer than `furthest`.
+PILOTAGE_INLINE Ints Caster::in_shadow(const Rays& from_surface, const Vectors& normal,
+                                       const Ints& mask, const Chosen& shading,
+                                       const Floats& furthest) const {
+  Ints shaded = Ints{};
+  if (shading.empty() || !any(mask)) return shaded;
+  const Rays rays{from_surface.origin + splat(lift_m) * normal, from_surface.direction};
+  for (const int i : shading) {
+    shaded |= intersect(placed_[i], rays, nearest_m) < furthest;
+    if (!any(mask & ~shaded)) break;
+  }
+  return shaded;
+}
+
+/// A sphere that holds what the rays hit; nothing when they hit nothing.
+inline std::optional<Sphere> Caster::hits(const PixelRays* rays, int groups,
+                                          const Seen* seen) const {
+  Vectors low{splat(infinity), splat(infinity), splat(infinity)};
+  Vectors high{-low.x, -low.y, -low.z};
+  for (int g = 0; g < groups; ++g) {
+    const Ints is_hit = seen[g].shape >= 0;
+    const Vectors hit = rays[g].rays.origin + seen[g].distance * rays[g].rays.direction;
+    low = {is_hit ? min(low.x, hit.x) : low.x, is_hit ? min(low.y, hit.y) : low.y,
+           is_hit ? min(low.z, hit.z) : low.z};
+    high = {is_hit ? max(high.x, hit.x) : high.x, is_hit ? max(high.y, hit.y) : high.y,
+            is_hit ? max(high.z, hit.z) : high.z};
+  }
+  const float lowest[3] = {least(low.x), least(low.y), least(low.z)};
+  const float highest[3] = {-least(-high.x), -least(-high.y), -least(-high.z)};
+  if (!(lowest[0] <= highest[0])) return std::nullopt;
+  Sphere sphere;
+  float size2 = 0;
+  for (int i = 0; i < 3; ++i) {
+    sphere.centre[i] = 0.5f * (lowest[i] + highest[i]);
+    size2 += (highest[i] - lowest[i]) * (highest[i] - lowest[i]);
+  }
+  // Samples on edges may hit a little beside.
+  sphere.radius = 0.55f * std::sqrt(size2) + 0.05f;
+  return sphere;
+}
+
+inline void Caster::cast(const PixelRays* rays, int groups, const Chosen& candidates,
+                         std::optional<Shading>& shading, SurfaceReader& surfaces,
+                         Seen* seen) const {
+  for (int g = 0; g < groups; ++g) find(rays[g], candidates, seen[g]);
+  if (!shading) {
+    const std::optional<Sphere> lit = hits(rays, groups, seen);
+    shading = lit ? choose_shading(*lit) : Shading{};
+  }
+  for (int g = 0; g < groups; ++g) shade(rays[g], candidates, *shading, surfaces, seen[g]);
+}
+
+}  // namespace pilotage::PILOTAGE_ARCH

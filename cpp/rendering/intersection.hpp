@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Long: one small function a kind of shape. All of it is inlined into the kernels of render.cpp: a
-// function that takes whole registers cannot be called across instruction sets.
+// Long: one small function a kind of shape. All of it is inlined into the caster.
 #pragma once
 
 #include <limits>
 
 #include "rendering/placed_shape.hpp"
 
-namespace pilotage::casting {
-
-using namespace lanes;
+namespace pilotage::PILOTAGE_ARCH {
 
 constexpr float infinity = std::numeric_limits<float>::infinity();
 
@@ -178,24 +175,66 @@ PILOTAGE_INLINE Floats meet_height_field(const PlacedShape& s, const Rays& r, fl
   return (abs(above) < 0.01f) & (t > nearest) ? t : splat(infinity);
 }
 
-/// Every triangle in turn (Moeller and Trumbore 1997), both sides.
+/// Distances to one triangle (Moeller and Trumbore 1997), both sides; infinite beyond `furthest`.
+PILOTAGE_INLINE Floats meet_triangle(const Triangles& mesh, const Eigen::Vector3i& face,
+                                     const Rays& r, float nearest, const Floats& furthest) {
+  const Eigen::Vector3f& a = mesh.vertices[face[0]];
+  const Eigen::Vector3f e = mesh.vertices[face[1]] - a, f = mesh.vertices[face[2]] - a;
+  const Vectors p{r.direction.y * f.z() - r.direction.z * f.y(),
+                  r.direction.z * f.x() - r.direction.x * f.z(),
+                  r.direction.x * f.y() - r.direction.y * f.x()};
+  const Floats inverse = 1.0f / (e.x() * p.x + e.y() * p.y + e.z() * p.z);
+  const Vectors o{r.origin.x - a.x(), r.origin.y - a.y(), r.origin.z - a.z()};
+  const Floats u = dot(o, p) * inverse;
+  const Vectors q{o.y * e.z() - o.z * e.y(), o.z * e.x() - o.x * e.z(), o.x * e.y() - o.y * e.x()};
+  const Floats v = dot(r.direction, q) * inverse;
+  const Floats t = (f.x() * q.x + f.y() * q.y + f.z() * q.z) * inverse;
+  const Ints is_hit = (u >= 0.0f) & (v >= 0.0f) & (u + v <= 1.0f) & (t > nearest) & (t <= furthest);
+  return is_hit ? t : splat(infinity);
+}
+
+/// Is a box met by any of the rays no further than `furthest`?
+PILOTAGE_INLINE bool meets_node(const TriangleNode& node, const Rays& r, const Vectors& inverse,
+                                const Floats& furthest) {
+  const auto between = [](float low, float high, const Floats& origin, const Floats& per,
+                          Floats& enter, Floats& leave) {
+    const Floats a = (low - origin) * per, b = (high - origin) * per;
+    enter = max(enter, min(a, b));
+    leave = min(leave, max(a, b));
+  };
+  Floats enter = splat(0), leave = furthest;
+  between(node.low.x(), node.high.x(), r.origin.x, inverse.x, enter, leave);
+  between(node.low.y(), node.high.y(), r.origin.y, inverse.y, enter, leave);
+  between(node.low.z(), node.high.z(), r.origin.z, inverse.z, enter, leave);
+  return any(enter <= leave * 1.00001f + 1e-6f);
+}
+
+/// Calls meet(face) for the triangles that rays may meet no further than `furthest`, which may
+/// shrink meanwhile.
+template <class Meet>
+PILOTAGE_INLINE void for_each_near_triangle(const TriangleTree& tree, const Rays& r,
+                                            const Floats& furthest, const Meet& meet) {
+  const Vectors inverse{1.0f / r.direction.x, 1.0f / r.direction.y, 1.0f / r.direction.z};
+  int waiting[64], count_waiting = 0;
+  waiting[count_waiting++] = 0;
+  while (count_waiting > 0) {
+    const int place = waiting[--count_waiting];
+    const TriangleNode& node = tree.nodes[place];
+    if (!meets_node(node, r, inverse, furthest)) continue;
+    if (node.other >= 0) {
+      waiting[count_waiting++] = node.other;
+      waiting[count_waiting++] = place + 1;
+      continue;
+    }
+    for (int i = 0; i < node.count; ++i) meet(tree.triangles.faces[node.first + i]);
+  }
+}
+
 PILOTAGE_INLINE Floats meet_mesh(const PlacedShape& s, const Rays& r, float nearest) {
   Floats best = splat(infinity);
-  for (const Eigen::Vector3i& face : s.mesh->faces) {
-    const Eigen::Vector3f& a = s.mesh->vertices[face[0]];
-    const Eigen::Vector3f e = s.mesh->vertices[face[1]] - a, f = s.mesh->vertices[face[2]] - a;
-    const Vectors p{r.direction.y * f.z() - r.direction.z * f.y(),
-                    r.direction.z * f.x() - r.direction.x * f.z(),
-                    r.direction.x * f.y() - r.direction.y * f.x()};
-    const Floats inverse = 1.0f / (e.x() * p.x + e.y() * p.y + e.z() * p.z);
-    const Vectors o{r.origin.x - a.x(), r.origin.y - a.y(), r.origin.z - a.z()};
-    const Floats u = dot(o, p) * inverse;
-    const Vectors q{o.y * e.z() - o.z * e.y(), o.z * e.x() - o.x * e.z(),
-                    o.x * e.y() - o.y * e.x()};
-    const Floats v = dot(r.direction, q) * inverse;
-    const Floats t = (f.x() * q.x + f.y() * q.y + f.z() * q.z) * inverse;
-    best = (u >= 0.0f) & (v >= 0.0f) & (u + v <= 1.0f) & (t > nearest) & (t < best) ? t : best;
-  }
+  for_each_near_triangle(*s.mesh, r, best, [&](const Eigen::Vector3i& face) {
+    best = min(best, meet_triangle(s.mesh->triangles, face, r, nearest, best));
+  });
   return best;
 }
 
@@ -240,4 +279,4 @@ PILOTAGE_INLINE Floats intersect(const PlacedShape& shape, const Rays& rays, flo
   return splat(infinity);
 }
 
-}  // namespace pilotage::casting
+}  // namespace pilotage::PILOTAGE_ARCH

@@ -7,10 +7,14 @@
 
 #include "geometry/dispatch.hpp"
 
-/// A kernel into which all that it calls is inlined.
-#define PILOTAGE_FLAT_KERNEL PILOTAGE_KERNEL __attribute__((flatten))
+// The compiler takes whole registers apart before it makes target_clones, so code that works on
+// them is compiled once for each instruction set, in a namespace of its own (see render.cpp).
+#ifndef PILOTAGE_ARCH
+#error "define PILOTAGE_ARCH, the namespace of this instruction set"
+#endif
 
-namespace pilotage::lanes {
+namespace pilotage::PILOTAGE_ARCH {
+namespace lanes {
 
 /// So many rays are worked on together.
 inline constexpr int count = 16;
@@ -66,4 +70,14 @@ PILOTAGE_INLINE Floats dot(const Vectors& a, const Vectors& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-}  // namespace pilotage::lanes
+}  // namespace lanes
+
+using namespace lanes;
+
+/// Rays of a group of pixels: point = origin + t * direction, relative to the view's centre along
+/// the world's axes, so that single precision is enough however large the world is.
+struct Rays {
+  Vectors origin, direction;
+};
+
+}  // namespace pilotage::PILOTAGE_ARCH

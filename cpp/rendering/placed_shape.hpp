@@ -1,16 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "rendering/lanes.hpp"
 #include "rendering/scene.hpp"
 
 namespace pilotage {
-
-/// Rays of a group of pixels: point = origin + t * direction, relative to the view's centre along
-/// the world's axes, so that single precision is enough however large the world is.
-struct Rays {
-  lanes::Vectors origin, direction;
-};
 
 /// A shape as one view sees it.
 struct PlacedShape {
@@ -22,7 +15,7 @@ struct PlacedShape {
   float size[3] = {};
   float radius = 0;
   const HeightField* height_field = nullptr;
-  const Triangles* mesh = nullptr;
+  const TriangleTree* mesh = nullptr;
 };
 
 PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_centre);

@@ -89,7 +89,8 @@ int Scene::add_mesh(Triangles triangles) {
   for (const Eigen::Vector3i& face : triangles.faces) {
     for (const int vertex : face) check_index("vertex", vertex, triangles.vertices.size());
   }
-  meshes_.push_back(std::move(triangles));
+  if (triangles.faces.empty()) throw std::invalid_argument("a mesh without faces");
+  meshes_.emplace_back(std::move(triangles));
   return static_cast<int>(meshes_.size()) - 1;
 }
 
@@ -136,7 +137,7 @@ double Scene::radius_m(const Shape& shape) const {
       return shape.size.norm();
     case ShapeKind::mesh: {
       double radius = 0;
-      for (const auto& v : meshes_[shape.data].vertices) {
+      for (const auto& v : meshes_[shape.data].triangles.vertices) {
         radius = std::max(radius, double(v.norm()));
       }
       return radius;

@@ -2,11 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "geometry/transform.hpp"
 #include "rendering/exemplar.hpp"
+#include "rendering/surface_tiles.hpp"
+#include "rendering/triangle_tree.hpp"
 
 namespace pilotage {
 
@@ -23,17 +26,13 @@ struct HeightField {
   float steepest = 0;  ///< largest slope, so that a march along a ray steps over nothing
 };
 
-struct Triangles {
-  std::vector<Eigen::Vector3f> vertices;
-  std::vector<Eigen::Vector3i> faces;
-};
-
 /// One octave band of a surface's brightness.
 struct SurfaceLayer {
   int exemplar = 0;
   float amplitude = 0;  ///< of albedo, per unit of the exemplar (which has mean 0)
   float texel_m = 0.001f;
   std::uint32_t seed = 0;
+  bool has_grain = false;  ///< a direction of its own, so that it is mirrored but never turned
 };
 
 /// How a shape looks: grey albedo = mean + layers, times a colour.
@@ -54,12 +53,20 @@ struct Shape {
   Transform world_from_shape;
 };
 
-/// Sun and sky. Radiance of a white surface in full light is sun + sky.
+/// Light from a point. Radiance of a white surface that faces it from one metre away.
+struct Lamp {
+  Eigen::Vector3d position_m;
+  float power = 1;
+};
+
+/// Sun, sky and lamps. Radiance of a white surface in full light is sun + sky.
 struct Light {
   Eigen::Vector3d to_sun = {0.3, 0.2, 0.93};
   float sun = 0.75f;
   float sky = 0.35f;
+  float sky_slope = 0.4f;   ///< part of the sky's light that depends on facing up
   float background = 0.8f;  ///< radiance where nothing is hit
+  std::vector<Lamp> lamps;
 };
 
 /// What the cameras look at. Throws std::invalid_argument for indices and sizes that make no sense.
@@ -76,10 +83,12 @@ class Scene {
   const std::vector<Exemplar>& exemplars() const { return exemplars_; }
   const std::vector<Material>& materials() const { return materials_; }
   const std::vector<HeightField>& height_fields() const { return height_fields_; }
-  const std::vector<Triangles>& meshes() const { return meshes_; }
+  const std::vector<TriangleTree>& meshes() const { return meshes_; }
   const std::vector<Shape>& shapes() const { return shapes_; }
   /// Radius about the shape's origin that holds all of it; infinite for endless planes.
   double radius_m(const Shape& shape) const;
+  /// A memory that renderers share; not part of what the scene is.
+  SurfaceTiles& surface_tiles() const { return *surface_tiles_; }
 
   Light light;
 
@@ -87,8 +96,9 @@ class Scene {
   std::vector<Exemplar> exemplars_;
   std::vector<Material> materials_;
   std::vector<HeightField> height_fields_;
-  std::vector<Triangles> meshes_;
+  std::vector<TriangleTree> meshes_;
   std::vector<Shape> shapes_;
+  std::unique_ptr<SurfaceTiles> surface_tiles_ = std::make_unique<SurfaceTiles>();
 };
 
 }  // namespace pilotage

@@ -1,25 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inlined into the kernels of render.cpp, as intersection.hpp is.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
+#include <memory>
+#include <vector>
 
 #include "rendering/lanes.hpp"
 #include "rendering/scene.hpp"
 
-namespace pilotage::casting {
-
-using namespace lanes;
+namespace pilotage::PILOTAGE_ARCH {
 
 /// The patch of a surface that a pixel sees: how its coordinates (metres) change over one pixel in
 /// x and one in y.
 struct Footprint {
-  lanes::Floats u_x, v_x, u_y, v_y;
+  Floats u_x, v_x, u_y, v_y;
 };
 
 /// Of albedo: less is a fraction of a grey value.
 constexpr float least_contrast = 0.002f;
+/// Texels of surface tiles: 2^-13 m (0.12 mm) and its doubles.
+constexpr int finest_exponent = -13;
+constexpr int levels = 24;
+/// Tiles hold a layer's sum in these units, for a range of -2 to 2.
+constexpr float tile_unit = 2.0f / 32767;
 /// Part of an exemplar that one corner of the lattice stands for.
 constexpr float lattice_share = 0.45f;
 constexpr float inverse_root3 = 0.57735027f;
@@ -85,8 +91,8 @@ PILOTAGE_INLINE Floats fetch(const Exemplar::Level& level, const Floats& x, cons
 
 /// The three corners' parts of one of the exemplar's copies, blended.
 PILOTAGE_INLINE Floats blend_corners(const Exemplar::Level& copy, int level,
-                                     const Corner (&corners)[3], const Floats& texel_u,
-                                     const Floats& texel_v) {
+                                     const Corner (&corners)[3], bool has_grain,
+                                     const Floats& texel_u, const Floats& texel_v) {
   const float scale = 1.0f / static_cast<float>(1 << level);
   // Texel centres of a halved copy lie between those of the finer one.
   const float shift = 0.5f * scale - 0.5f;
@@ -94,7 +100,8 @@ PILOTAGE_INLINE Floats blend_corners(const Exemplar::Level& copy, int level,
   for (const Corner& corner : corners) {
     // Each corner sees the exemplar in one of the eight ways in which a square falls onto itself.
     const auto is_set = [&](int bit) { return (corner.hash & (1 << bit)) != 0; };
-    const Floats x = is_set(24) ? texel_v : texel_u, y = is_set(24) ? texel_u : texel_v;
+    const Ints is_turned = has_grain ? Ints{} : is_set(24);
+    const Floats x = is_turned ? texel_v : texel_u, y = is_turned ? texel_u : texel_v;
     const Floats place_x = (is_set(25) ? -x : x) + to_floats(corner.hash & 4095);
     const Floats place_y = (is_set(26) ? -y : y) + to_floats((corner.hash >> 12) & 4095);
     sum += corner.weight * fetch(copy, scale * place_x + shift, scale * place_y + shift);
@@ -102,69 +109,177 @@ PILOTAGE_INLINE Floats blend_corners(const Exemplar::Level& copy, int level,
   return sum;
 }
 
-/// One sample, between two copies.
-PILOTAGE_INLINE Floats sample(const Exemplar& exemplar, const SurfaceLayer& layer, int finer,
-                              float part, const Floats& u, const Floats& v) {
-  const float per_m = 1 / layer.texel_m;
+/// One sample of a layer for texels of so many metres, between two copies of its exemplar.
+PILOTAGE_INLINE Floats sample(const Exemplar& exemplar, const SurfaceLayer& layer, float texel_m,
+                              const Floats& u, const Floats& v) {
+  const float last = static_cast<float>(exemplar.levels().size()) - 1.001f;
+  const float level = std::clamp(std::log2(texel_m / layer.texel_m), 0.0f, last);
+  const int finer = static_cast<int>(level);
+  const float part = level - static_cast<float>(finer), per_m = 1 / layer.texel_m;
   Corner corners[3];
   find_corners(u, v, per_m / (lattice_share * static_cast<float>(exemplar.side())), layer.seed,
                corners);
   Floats squares = splat(0);
   for (const Corner& corner : corners) squares += corner.weight * corner.weight;
   const Floats x = per_m * u, y = per_m * v;
-  Floats sum = splat(0);
-  for (int next = 0; next < 2; ++next) {
-    const float weight = next ? part : 1 - part;
-    if (weight == 0) continue;
-    const int level = finer + next;
-    sum += weight * blend_corners(exemplar.levels()[level], level, corners, x, y);
+  Floats sum =
+      (1 - part) * blend_corners(exemplar.levels()[finer], finer, corners, layer.has_grain, x, y);
+  if (part > 0) {
+    sum += part *
+           blend_corners(exemplar.levels()[finer + 1], finer + 1, corners, layer.has_grain, x, y);
   }
-  return sum / sqrt(squares);
+  return (layer.amplitude * Exemplar::unit) * (sum / sqrt(squares));
 }
 
-/// The whole group takes the copies and the number of samples that suit one of it: neighbours in a
-/// row see nearly the same footprint.
-struct Filter {
-  Floats step_u, step_v;  ///< from sample to sample
-  int probes = 1;
-  float level = 0;  ///< of a texel of one metre
+/// Each layer is made of its exemplar without repeating: three samples at random places of it, one
+/// for each corner of the triangle of a lattice that holds (u, v), blended so that the variance
+/// stays (Heitz and Neyret 2018), each turned or mirrored.
+inline void fill_tile(const Scene& scene, SurfaceTiles::Tile& tile) {
+  constexpr int stride = SurfaceTiles::stride;
+  const float texel_m = std::ldexp(1.0f, finest_exponent + tile.key.level);
+  Floats within;
+  for (int k = 0; k < count; ++k) within[k] = static_cast<float>(k) + 0.5f;
+  const auto first_of = [](int index) { return static_cast<float>(index) * SurfaceTiles::side; };
+  for (int row = 0; row < stride; ++row) {
+    const Floats v = splat(texel_m * (first_of(tile.key.y) + static_cast<float>(row) + 0.5f));
+    for (int column = 0; column < stride; column += count) {
+      const Floats u = texel_m * (within + (first_of(tile.key.x) + static_cast<float>(column)));
+      Floats sum = splat(0);
+      for (const SurfaceLayer& layer : scene.materials()[tile.key.material].layers) {
+        sum += sample(scene.exemplars()[layer.exemplar], layer, texel_m, u, v);
+      }
+      const Floats scaled = max(splat(-32767), min(splat(32767), sum * (1 / tile_unit)));
+      const Ints values = to_ints(floor(scaled + 0.5f));
+      for (int k = 0; k < std::min(count, stride - column); ++k) {
+        tile.values[row * stride + column + k] = static_cast<std::int16_t>(values[k]);
+      }
+    }
+  }
+}
+
+/// What the filter needs to know of a material.
+struct MaterialDetail {
+  float finest_m = 0;  ///< texel of the finest layer
+  int flat_from = 0;   ///< from this level on all that is seen is the mean
 };
 
-PILOTAGE_INLINE Filter make_filter(const Footprint& f, int typical, int most_probes) {
-  const Floats length_x = sqrt(f.u_x * f.u_x + f.v_x * f.v_x);
-  const Floats length_y = sqrt(f.u_y * f.u_y + f.v_y * f.v_y);
-  const Ints x_is_longer = length_x > length_y;
-  const Floats longer = max(max(length_x, length_y), splat(1e-9f));
-  const Floats shorter = max(abs(f.u_x * f.v_y - f.v_x * f.u_y) / longer, longer * 1e-3f);
-  Filter filter;
-  filter.probes = std::clamp(
-      static_cast<int>(std::ceil(longer[typical] / shorter[typical] - 0.25f)), 1, most_probes);
-  const float fine =
-      std::max(shorter[typical], longer[typical] / static_cast<float>(filter.probes));
-  filter.level = std::log2(fine);
-  const float share = 1.0f / static_cast<float>(filter.probes);
-  filter.step_u = share * (x_is_longer ? f.u_x : f.u_y);
-  filter.step_v = share * (x_is_longer ? f.v_x : f.v_y);
-  return filter;
+inline MaterialDetail detail_of(const Scene& scene, const Material& material) {
+  MaterialDetail detail{1e9f, 0};
+  for (const SurfaceLayer& layer : material.layers) {
+    detail.finest_m = std::min(detail.finest_m, layer.texel_m);
+    const auto& copies = scene.exemplars()[layer.exemplar].levels();
+    for (int level = levels - 1; level >= detail.flat_from; --level) {
+      const float finer = std::ldexp(1.0f, finest_exponent + level) / layer.texel_m;
+      const int copy =
+          std::clamp(static_cast<int>(std::log2(finer)), 0, static_cast<int>(copies.size()) - 1);
+      if (copies[copy].rms * std::abs(layer.amplitude) < least_contrast) continue;
+      detail.flat_from = level + 1;
+      break;
+    }
+  }
+  return detail;
 }
 
-PILOTAGE_INLINE Floats layer_value(const Exemplar& exemplar, const SurfaceLayer& layer,
-                                   const Filter& filter, const Floats& u, const Floats& v) {
-  const float last = static_cast<float>(exemplar.levels().size()) - 1.001f;
-  const float level = std::clamp(filter.level - std::log2(layer.texel_m), 0.0f, last);
-  const int finer = static_cast<int>(level);
-  // Where the pixel sees the layer's mean only, there is nothing to add.
-  if (exemplar.levels()[finer].rms * std::abs(layer.amplitude) < least_contrast) return splat(0);
-  // A copy alone over most of its range costs half, and the step between two stays out of sight.
-  const float between = level - static_cast<float>(finer);
-  const float part = std::clamp(2 * between - 0.5f, 0.0f, 1.0f);
-  Floats sum = splat(0);
-  for (int probe = 0; probe < filter.probes; ++probe) {
-    const float along = static_cast<float>(probe) - 0.5f * static_cast<float>(filter.probes - 1);
-    sum +=
-        sample(exemplar, layer, finer, part, u + along * filter.step_u, v + along * filter.step_v);
+/// Reads surfaces for one thread.
+class SurfaceReader {
+ public:
+  explicit SurfaceReader(const Scene& scene) : scene_(scene), tiles_(scene.surface_tiles()) {}
+
+  /// Sums of a material's layers at (u, v), by bilinear interpolation between texels of a level.
+  PILOTAGE_INLINE Floats read(int material, int level, const Floats& u, const Floats& v) {
+    const float per_m = std::ldexp(1.0f, -finest_exponent - level);
+    const Floats x = per_m * u - 0.5f, y = per_m * v - 0.5f;
+    const Floats column = floor(x), row = floor(y);
+    constexpr int shift = 5, mask = SurfaceTiles::side - 1;
+    static_assert(SurfaceTiles::side == 1 << shift);
+    const Ints i = to_ints(column), j = to_ints(row);
+    alignas(64) std::int32_t tile_x[count], tile_y[count], place[count];
+    store(tile_x, i >> shift);
+    store(tile_y, j >> shift);
+    store(place, (j & mask) * SurfaceTiles::stride + (i & mask));
+    alignas(64) std::int32_t upper[count], lower[count];
+    const std::int16_t* values = nullptr;
+    for (int k = 0; k < count; ++k) {
+      if (k == 0 || tile_x[k] != tile_x[k - 1] || tile_y[k] != tile_y[k - 1]) {
+        values = values_of({material, level, tile_x[k], tile_y[k]});
+      }
+      std::memcpy(&upper[k], values + place[k], 4);
+      std::memcpy(&lower[k], values + place[k] + SurfaceTiles::stride, 4);
+    }
+    Ints up, low;
+    std::memcpy(&up, upper, sizeof up);
+    std::memcpy(&low, lower, sizeof low);
+    const Floats tx = x - column, ty = y - row;
+    const Floats a = to_floats((up << 16) >> 16), b = to_floats(up >> 16);
+    const Floats c = to_floats((low << 16) >> 16), d = to_floats(low >> 16);
+    const Floats near = a + tx * (b - a), far = c + tx * (d - c);
+    return tile_unit * (near + ty * (far - near));
   }
-  return (Exemplar::unit / static_cast<float>(filter.probes)) * sum;
+
+ private:
+  static constexpr std::uint32_t near_count = 1024;
+
+  PILOTAGE_INLINE const std::int16_t* values_of(const SurfaceTiles::Key& key) {
+    const std::uint32_t slot =
+        (static_cast<std::uint32_t>(key.x) + 31 * static_cast<std::uint32_t>(key.y) +
+         331 * static_cast<std::uint32_t>(key.level) +
+         577 * static_cast<std::uint32_t>(key.material)) %
+        near_count;
+    const SurfaceTiles::Tile* tile = near_[slot];
+    if (!tile || tile->key != key) near_[slot] = tile = find_or_fill(key);
+    return tile->values.data();
+  }
+
+  __attribute__((noinline)) const SurfaceTiles::Tile* find_or_fill(const SurfaceTiles::Key& key) {
+    if (const SurfaceTiles::Tile* tile = tiles_.find(key)) return tile;
+    auto made = std::make_unique<SurfaceTiles::Tile>();
+    made->key = key;
+    made->last_view = tiles_.view();
+    fill_tile(scene_, *made);
+    if (const SurfaceTiles::Tile* kept = tiles_.keep(made)) return kept;
+    own_.push_back(std::move(made));
+    return own_.back().get();
+  }
+
+  const Scene& scene_;
+  SurfaceTiles& tiles_;
+  std::array<const SurfaceTiles::Tile*, near_count> near_{};
+  std::vector<std::unique_ptr<SurfaceTiles::Tile>> own_;  ///< for which there was no room
+};
+
+/// Layers of a material averaged over the footprint that the lane `typical` sees, which stands for
+/// the group: neighbours in a row see nearly the same. Along the footprint's longer axis up to
+/// `most_probes` are taken, from tiles that are as fine as the shorter axis.
+PILOTAGE_INLINE Floats layers_at(SurfaceReader& reader, int material, const MaterialDetail& detail,
+                                 const Floats& u, const Floats& v, const Footprint& f, int typical,
+                                 int most_probes) {
+  const float u_x = f.u_x[typical], v_x = f.v_x[typical];
+  const float u_y = f.u_y[typical], v_y = f.v_y[typical];
+  const float length_x = std::hypot(u_x, v_x), length_y = std::hypot(u_y, v_y);
+  const float longer = std::max({length_x, length_y, 1e-9f});
+  const float shorter = std::max(std::abs(u_x * v_y - v_x * u_y) / longer, longer * 1e-3f);
+  // No more probes than the finest layer has texels along the footprint.
+  const float finest = std::max(shorter, detail.finest_m);
+  const int probes =
+      std::clamp(static_cast<int>(std::ceil(longer / finest - 0.25f)), 1, most_probes);
+  const float share = 1.0f / static_cast<float>(probes);
+  const float level =
+      std::clamp(std::log2(std::max(shorter, share * longer)) - static_cast<float>(finest_exponent),
+                 0.0f, static_cast<float>(levels) - 1.001f);
+  const int finer = static_cast<int>(level);
+  if (finer >= detail.flat_from) return splat(0);
+  // One level alone over most of its range costs half, and the step between two stays out of sight.
+  const float part = std::clamp(2 * (level - static_cast<float>(finer)) - 0.5f, 0.0f, 1.0f);
+  const float step_u = share * (length_x > length_y ? u_x : u_y);
+  const float step_v = share * (length_x > length_y ? v_x : v_y);
+  Floats sum = splat(0);
+  for (int probe = 0; probe < probes; ++probe) {
+    const float along = static_cast<float>(probe) - 0.5f * static_cast<float>(probes - 1);
+    const Floats at_u = u + along * step_u, at_v = v + along * step_v;
+    if (part < 1) sum += (1 - part) * reader.read(material, finer, at_u, at_v);
+    if (part > 0) sum += part * reader.read(material, finer + 1, at_u, at_v);
+  }
+  return share * sum;
 }
 
 /// Which of the two kinds of squares (u, v) falls on; 0 without squares.
@@ -174,26 +289,10 @@ PILOTAGE_INLINE Ints checker_square(const Material& material, const Floats& u, c
   return (to_ints(floor(per_m * u)) + to_ints(floor(per_m * v))) & 1;
 }
 
-/// Grey albedo of a material at (u, v), averaged over the footprint.
-///
-/// Each layer is made of its exemplar without repeating: three samples at random places of it, one
-/// for each corner of the triangle of a lattice that holds (u, v), blended so that the variance
-/// stays (Heitz and Neyret 2018), each turned or mirrored. Along the footprint's longer axis up to
-/// `most_probes` samples are taken, each from the copy that is as fine as the shorter axis. The
-/// footprint of the lane `typical` stands for all of the group.
-PILOTAGE_INLINE Floats albedo_at(const Scene& scene, const Material& material, const Floats& u,
-                                 const Floats& v, const Footprint& footprint, int typical,
-                                 int most_probes) {
-  Floats albedo = splat(material.albedo);
-  if (material.checker_m > 0) {
-    albedo = checker_square(material, u, v) != 0 ? splat(material.dark_albedo) : albedo;
-  }
-  if (material.layers.empty()) return albedo;
-  const Filter filter = make_filter(footprint, typical, most_probes);
-  for (const SurfaceLayer& layer : material.layers) {
-    albedo += layer.amplitude * layer_value(scene.exemplars()[layer.exemplar], layer, filter, u, v);
-  }
-  return max(splat(0.01f), min(splat(1), albedo));
+/// Grey albedo without the layers.
+PILOTAGE_INLINE Floats plain_albedo(const Material& material, const Ints& square) {
+  if (!(material.checker_m > 0)) return splat(material.albedo);
+  return square != 0 ? splat(material.dark_albedo) : splat(material.albedo);
 }
 
-}  // namespace pilotage::casting
+}  // namespace pilotage::PILOTAGE_ARCH

@@ -5,14 +5,14 @@
 
 #include "rendering/intersection.hpp"
 
-namespace pilotage::casting {
+namespace pilotage::PILOTAGE_ARCH {
 
 /// The surface at a hit, in the shape's own axes.
 struct SurfacePoint {
-  lanes::Vectors point;           ///< relative to the shape's origin
-  lanes::Vectors normal;          ///< unit, outwards
-  lanes::Floats u, v;             ///< coordinates of its texture, metres
-  lanes::Vectors u_axis, v_axis;  ///< how they grow with the point
+  Vectors point;           ///< relative to the shape's origin
+  Vectors normal;          ///< unit, outwards
+  Floats u, v;             ///< coordinates of its texture, metres
+  Vectors u_axis, v_axis;  ///< how they grow with the point
 };
 
 /// Texture coordinates for a normal along one axis: the other two, and how they grow.
@@ -57,22 +57,18 @@ PILOTAGE_INLINE Vectors cylinder_normal(const PlacedShape& s, const Vectors& p) 
 }
 
 PILOTAGE_INLINE Vectors mesh_normal(const PlacedShape& s, const Rays& r, const Floats& distance) {
+  const Triangles& mesh = s.mesh->triangles;
   Vectors normal{splat(0), splat(0), splat(1)};
-  for (const Eigen::Vector3i& face : s.mesh->faces) {
-    PlacedShape one = s;
-    Triangles single{
-        {s.mesh->vertices[face[0]], s.mesh->vertices[face[1]], s.mesh->vertices[face[2]]},
-        {Eigen::Vector3i(0, 1, 2)}};
-    one.mesh = &single;
-    const Ints is_here = meet_mesh(one, r, 0) == distance;
-    if (!any(is_here)) continue;
-    const Eigen::Vector3f n = (single.vertices[1] - single.vertices[0])
-                                  .cross(single.vertices[2] - single.vertices[0])
-                                  .normalized();
+  for_each_near_triangle(*s.mesh, r, distance, [&](const Eigen::Vector3i& face) {
+    const Ints is_here = meet_triangle(mesh, face, r, 0, distance) == distance;
+    if (!any(is_here)) return;
+    const Eigen::Vector3f& a = mesh.vertices[face[0]];
+    const Eigen::Vector3f n =
+        (mesh.vertices[face[1]] - a).cross(mesh.vertices[face[2]] - a).normalized();
     normal.x = is_here ? splat(n.x()) : normal.x;
     normal.y = is_here ? splat(n.y()) : normal.y;
     normal.z = is_here ? splat(n.z()) : normal.z;
-  }
+  });
   const Ints is_behind = dot(normal, r.direction) > 0.0f;
   return {is_behind ? -normal.x : normal.x, is_behind ? -normal.y : normal.y,
           is_behind ? -normal.z : normal.z};
@@ -124,4 +120,4 @@ PILOTAGE_INLINE SurfacePoint surface_at(const PlacedShape& shape, const Rays& ra
   return at;
 }
 
-}  // namespace pilotage::casting
+}  // namespace pilotage::PILOTAGE_ARCH

@@ -1183,9 +1183,17 @@ class StereoOdometry:
 class SurfaceLayer:
     """One octave band of a surface's brightness."""
 
-    def __init__(self, *, exemplar: int, amplitude: float, texel_m: float, seed: int = 0) -> None:
+    def __init__(
+        self,
+        *,
+        exemplar: int,
+        amplitude: float,
+        texel_m: float,
+        seed: int = 0,
+        has_grain: bool = False,
+    ) -> None:
         """
-        exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres.
+        exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres; has_grain: has a direction of its own, so is never turned.
         """
 
 class Material:
@@ -1280,10 +1288,17 @@ class Scene:
 
     def set_pose(self, shape: int, world_from_shape: Transform) -> None: ...
     def set_light(
-        self, *, to_sun: Sequence[float], sun: float, sky: float, background: float
+        self,
+        *,
+        to_sun: Sequence[float],
+        sun: float,
+        sky: float,
+        background: float,
+        sky_slope: float = 0.4000000059604645,
+        lamps: Sequence[tuple[Sequence[float], float]] = [],
     ) -> None:
         """
-        Direction to the sun, and the radiance of a white surface by sun and by sky.
+        Direction to the sun, and the radiance of a white surface by sun and by sky; sky_slope: part of the latter that depends on facing up; lamps: position_m and the radiance of a white surface one metre away.
         """
 
 class CameraRays:
@@ -1303,4 +1318,17 @@ def render(
 ) -> dict:
     """
     Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is exposed; the same place for a global shutter.
+    """
+
+def expose(
+    light: Annotated[NDArray[numpy.float32], dict(order="C", device="cpu", writable=False)],
+    sensitivity: Annotated[NDArray[numpy.float32], dict(order="C", device="cpu", writable=False)],
+    *,
+    grey: float,
+    read_noise: float,
+    shot_noise2: float,
+    seed: int,
+) -> object:
+    """
+    Return the uint8 picture of `light` times `sensitivity` (float32 of one shape). grey: value of radiance 1; read_noise: standard deviation; shot_noise2: variance of light's noise over its grey value; each value's noise follows from seed and place.
     """

@@ -6,57 +6,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
-from pilotage import Camera, Transform
+from pilotage import Transform
 from pilotage.recordings.mcap_writer import ROBOT, McapWriter
 from pilotage.simulation import Simulation
 from pilotage.simulation.body import Pose2
-from pilotage.simulation.pictures import Pictures, camera_rays
+from pilotage.simulation.camera_group import CameraGroup
 from pilotage.simulation.scene import yaw_quaternion
-from pilotage.simulation.sensor import Exposer, Picture, Sensor
 
 ODOM = "odom"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shot:
-    """What cameras that fire together gave; `taken_ns` is the true time, the stamp the device's."""
-
-    timestamp_ns: int
-    taken_ns: int
-    pictures: Mapping[str, Picture]
-
-
-class CameraGroup:
-    """Cameras that fire together and share an exposure; from radiance to picture and stamp."""
-
-    def __init__(
-        self,
-        simulation: Simulation,
-        cameras: Mapping[str, Camera],
-        sensor: Sensor,
-        *,
-        seed: int,
-        pictures: Pictures,
-    ) -> None:
-        self._simulation = simulation
-        self._pictures = pictures
-        self._rays = {name: camera_rays(camera) for name, camera in cameras.items()}
-        # Each group has noise of its own.
-        own = np.random.default_rng([seed, *map(ord, "".join(cameras))])
-        self._exposer = Exposer(sensor, seed=int(own.integers(2**31)))
-
-    def take(self, ended_ns: int | None = None) -> Shot | None:
-        """Return the pictures of now, or of a time of the last 0.2 s; None when there are none."""
-        at_ns = self._simulation.time_ns if ended_ns is None else ended_ns
-        radiances = {
-            name: self._pictures.radiance(name, rays, first_ns=at_ns, last_ns=at_ns)
-            for name, rays in self._rays.items()
-        }
-        self._exposer.regulate(next(iter(radiances.values())))
-        taken = {name: self._exposer.expose(radiance) for name, radiance in radiances.items()}
-        return Shot(timestamp_ns=at_ns, taken_ns=at_ns, pictures=taken)
+LATEST_NS = 150_000_000  # no picture was taken longer before it is there; poses are kept for longer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +28,10 @@ class Moment:
 
 
 class Recorder:
-    """Writes what groups of cameras see, with the robot's odometry and the truth."""
+    """Writes what groups of cameras see, with the robot's odometry and the truth.
+
+    Truth waits until no picture can be older, for its messages rise in time; `finish` comes last.
+    """
 
     def __init__(
         self, simulation: Simulation, groups: Mapping[str, CameraGroup], writer: McapWriter
@@ -79,22 +40,30 @@ class Recorder:
         self._simulation = simulation
         self._groups = groups
         self._writer = writer
-        self._newest_truth_ns = -1
+        self._truth_ns: set[int] = set()
         self._newest_note_ns = -1
 
     def shoot(self, ended_ns: int | None = None) -> None:
         """Let every camera take its picture, now or at a time of the last 0.2 s.
 
-        The truth of that time goes with it; a group whose picture is lost counts as well.
+        The truth of that time goes with it. `shots` counts those of which a group came whole.
         """
-        self.shots += 1
+        is_whole = False
         for group in self._groups.values():
             shot = group.take(ended_ns)
             if shot is None:
                 continue
-            self._write_truth(shot.taken_ns)
+            is_whole |= len(shot.pictures) == len(shot.stamps_ns)
+            # Of the moment the pictures show, whatever their stamps say.
+            self._truth_ns.add(shot.taken_ns)
             for name, picture in shot.pictures.items():
-                self._writer.write_picture(name, timestamp_ns=shot.timestamp_ns, picture=picture)
+                self._writer.write_picture(
+                    name,
+                    timestamp_ns=shot.stamps_ns[name],
+                    picture=picture,
+                    encoding="mono8" if picture.ndim == 2 else "bgr8",
+                )
+        self.shots += is_whole
 
     def note(self) -> None:
         """Write odometry, moving frames and truth of now, once for each time."""
@@ -111,16 +80,20 @@ class Recorder:
         )
         moving = {(ODOM, ROBOT): odom_from_robot, **self._moving_frames()}
         self._writer.write_transforms(moving, timestamp_ns=now_ns)
-        self._write_truth(now_ns)
+        self._truth_ns.add(now_ns)
+        self._write_truth(now_ns - LATEST_NS)
+
+    def finish(self) -> None:
+        """Write what was still waited for."""
+        self._write_truth(self._simulation.time_ns)
 
     def _moving_frames(self) -> dict[tuple[str, str], Transform]:
         """Return how the robot believes its own parts sit on each other, by (parent, child)."""
         return {}
 
-    def _write_truth(self, time_ns: int) -> None:
-        # Truth rises in time; what came in between is found by interpolating.
-        if time_ns > self._newest_truth_ns:
-            self._newest_truth_ns = time_ns
+    def _write_truth(self, until_ns: int) -> None:
+        for time_ns in sorted(time_ns for time_ns in self._truth_ns if time_ns <= until_ns):
+            self._truth_ns.remove(time_ns)
             self._write_truth_of(time_ns)
 
     def _write_truth_of(self, time_ns: int) -> None:

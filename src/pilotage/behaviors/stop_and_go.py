@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from pilotage import Transform
-from pilotage.behaviors.recorder import CameraGroup, Recorder
+from pilotage.behaviors.recorder import Recorder
 from pilotage.behaviors.simulate import OnMoment, Recorded, Way, moment_of
 from pilotage.calibration.nao_head import (
     clamped,
@@ -23,6 +23,7 @@ from pilotage.recordings.mcap_writer import ROBOT, McapWriter
 from pilotage.robots.robot import HeadAngles
 from pilotage.robots.simulated import SimulatedNao
 from pilotage.simulation import Drive, RobotModel, Simulation
+from pilotage.simulation.camera_group import CameraGroup
 from pilotage.simulation.nao import Nao
 from pilotage.simulation.pictures import Pictures
 from pilotage.simulation.sensor import Sensor
@@ -102,6 +103,7 @@ def record_stops(  # noqa: PLR0913, what a recording is made of
         recorder = _NaoRecorder(simulation, groups, writer)
         walk = _Walk(simulation, nao, drive, recorder, plan, on_moment)
         walk.run()
+        recorder.finish()
     return Recorded(
         recorder.shots,
         walk.way.length_m,

@@ -88,8 +88,11 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         typer.Option(help="Pictures a second on the way, 0 for none.", rich_help_panel=NAO_OPTIONS),
     ] = 0.0,
     faults: Annotated[
-        Path | None, typer.Option(help="YAML list of faults: name, onset_s, size.")
+        Path | None, typer.Option(help="YAML list of faults: name, onset_s, size, camera.")
     ] = None,
+    camera: Annotated[
+        str, typer.Option(help="How its cameras err: good, ideal, realistic, or a YAML file.")
+    ] = "good",
     debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
 ) -> None:
     """Example: pilotage simulate yard --seed 7 --ground gravel --path closed-10m -o yard7
@@ -103,15 +106,16 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         from pilotage.behaviors.simulate import record_drive
         from pilotage.behaviors.stop_and_go import record_stops
         from pilotage.cli.live import make_drive_view
-        from pilotage.simulation import Drive, Simulation, read_faults, robot_model
-        from pilotage.simulation.sensor import Sensor
+        from pilotage.simulation import Drive, Simulation, read_faults, read_sensor, robot_model
 
         model = robot_model(robot)
         plan = _plan(model, stop_every, looks, crouch=crouch, walking_hz=walking_hz)
         chosen = model.chosen_pairs(pairs)
-        loaded, path = _load(world, seed, model, path, _options(ground, settings or []))
+        loaded = _load(world, seed, path or model.paths[0], _options(ground, settings or []))
         acting = read_faults(faults) if faults is not None else ()
+        sensor = read_sensor(camera)
         simulation = Simulation(loaded, robot, seed=seed, faults=acting)
+        path = _fitting(loaded, model, path)
         drive = Drive(simulation, path, speed_m_s=model.speed_m_s if speed is None else speed)
         shots, file = "looks" if plan else "pairs", _prepare(out)
         view = make_drive_view(
@@ -119,7 +123,7 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         )
         job: dict[str, Any] = {
             "simulation": simulation, "robot": model, "drive": drive, "out": file,
-            "width_px": width, "sensor": Sensor(), "on_moment": view.on_moment,
+            "width_px": width, "sensor": sensor, "on_moment": view.on_moment,
         }  # fmt: skip
         with stop_on_terminate(), _kept_when_interrupted(file), view:
             if plan is not None:
@@ -194,23 +198,26 @@ def _options(ground: str | None, settings: list[str]) -> dict[str, object]:
     return options
 
 
-def _load(
-    name: str, seed: int, model: RobotModel, path: str | None, options: dict[str, object]
-) -> tuple[World, str]:
-    """Return the world, and the path to take in it: the given one, or one that fits."""
-    from pilotage.simulation import FreeFloor, load_world
+def _load(name: str, seed: int, path: str, options: dict[str, object]) -> World:
+    """Return the world; a yard grows with the path and keeps it free by itself."""
+    from pilotage.simulation import load_world
     from pilotage.simulation.yard import YardOptions, side_for_m
 
-    if name == YARD:  # it grows with the path, and keeps it free by itself
-        path = path or model.paths[0]
+    if name == YARD:
         size_m = max(YardOptions.size_m, side_for_m(path))
         options = {"path": path, "size_m": size_m, **options}
-    world = load_world(name, seed=seed, options=options)
+    return load_world(name, seed=seed, options=options)
+
+
+def _fitting(world: World, model: RobotModel, path: str | None) -> str:
+    """Return the path to take: the given one, which has to fit, or the first that does."""
+    from pilotage.simulation import FreeFloor
+
     floor = FreeFloor(world, model.radius_m)
     if path is None:
-        return world, floor.choose(model.paths)
+        return floor.choose(model.paths)
     floor.check(path)
-    return world, path
+    return path
 
 
 def _prepare(out: Path) -> Path:

@@ -8,6 +8,7 @@ from pilotage.simulation.faults import Fault, read_faults
 from pilotage.simulation.models import ROBOTS, RobotModel, robot_model
 from pilotage.simulation.paths import DrivePath, parse_path
 from pilotage.simulation.physics import Simulation
+from pilotage.simulation.sensor import Sensor, read_sensor
 from pilotage.simulation.world import World
 from pilotage.simulation.worlds import load_world
 
@@ -21,10 +22,12 @@ __all__ = [
     "Motion",
     "Pose2",
     "RobotModel",
+    "Sensor",
     "Simulation",
     "World",
     "load_world",
     "parse_path",
     "read_faults",
+    "read_sensor",
     "robot_model",
 ]

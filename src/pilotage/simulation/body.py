@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple, Protocol
 
 from pilotage import Transform
-from pilotage.simulation.faults import Disturbance
+from pilotage.errors import InputError
+from pilotage.simulation.disturbance import Disturbance
 
 # A body's parts are called by this prefix in the model: `robot/chassis`.
 PREFIX = "robot/"
@@ -28,7 +30,12 @@ class Motion(NamedTuple):
     angular_rad_s: float
 
     def within(self, limits: Motion) -> Motion:
-        """Return the motion with each part cut to what `limits` allow either way."""
+        """Return the motion with each part cut to what `limits` allow either way.
+
+        InputError when a part is no number: a body could never get rid of it again.
+        """
+        if any(map(math.isnan, self)):
+            raise InputError(f"motion {tuple(self)}: must be numbers, not NaN")
         pairs = zip(self, limits, strict=True)
         return Motion(*(min(max(float(part), -limit), limit) for part, limit in pairs))
 

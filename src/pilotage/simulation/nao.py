@@ -22,7 +22,7 @@ from pilotage.calibration.nao_head import (
 )
 from pilotage.errors import InputError
 from pilotage.simulation.body import PREFIX, REST, Motion, Pose2
-from pilotage.simulation.faults import Disturbance
+from pilotage.simulation.disturbance import Disturbance
 from pilotage.simulation.gait import Gait
 from pilotage.simulation.odometry import advanced
 from pilotage.simulation.optics import camera_element

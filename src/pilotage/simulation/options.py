@@ -47,6 +47,12 @@ def read_options(kind: type[Options], values: Mapping[str, object], where: str) 
     return kind(**read)
 
 
+def check_options(options: Any, where: str) -> None:
+    """Raise InputError unless each field of a dataclass made in Python lies within its range."""
+    for field in dataclasses.fields(options):
+        _check(f"{where}: {field.name}", getattr(options, field.name), field)
+
+
 def unknown(name: str, known: Collection[str]) -> str:
     """Return the end of a message about a name that is none of `known`."""
     if not known:

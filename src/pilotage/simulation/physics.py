@@ -8,24 +8,29 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pilotage import Transform
 from pilotage.errors import InputError, RunError
 from pilotage.simulation.body import PREFIX, Body
-from pilotage.simulation.faults import Fault, disturbance
+from pilotage.simulation.disturbance import disturbance
+from pilotage.simulation.faults import Fault, check_faults
 from pilotage.simulation.history import PoseHistory
+from pilotage.simulation.mark_covers import cover_marks
 from pilotage.simulation.models import robot_model
 from pilotage.simulation.optics import MUJOCO_FROM_CAMERA
 from pilotage.simulation.options import check_seed, unknown
 from pilotage.simulation.scene import WALK_PREFIX, yaw_quaternion
 from pilotage.simulation.sight import height_below_m
+from pilotage.simulation.solids import Solids
 from pilotage.simulation.walkers import Walk, read_walk
 from pilotage.simulation.world import World, start_of
 
 STEP_NS = 2_000_000
-REMEMBERED_STEPS = 150  # 0.3 s: longer than any exposure and read-out
+REMEMBERED_STEPS = 200  # 0.4 s: longer than any exposure, read-out and want of step together
 SETTLING_STEPS = 400
 SEARCH_HEIGHT_M = 1.0  # the ground under the start lies below this
+MOST_PUSHED_M = 0.1  # by what it stands in, while it comes to rest
 
 
 _BREAKDOWNS = (
@@ -52,10 +57,7 @@ class Simulation:
     ) -> None:
         self.world = world
         self.body = robot_model(body).make_body() if isinstance(body, str) else body
-        self._faults = tuple(faults)
-        for fault in self._faults:
-            if fault.name not in self.body.faults:
-                raise InputError(f"fault {fault.name!r} {unknown(fault.name, self.body.faults)}")
+        self.faults = tuple(faults)
         spec = world.spec()
         self._walks = [
             read_walk(text.name, text.data)
@@ -63,8 +65,10 @@ class Simulation:
             if text.name.startswith(WALK_PREFIX)
         ]
         self._start = start_of(spec, world.name)
+        self._covers = cover_marks(spec, world, self.faults)
         self.model: Any = _compile(spec, world, self.body)
         self.data: Any = mujoco.MjData(self.model)
+        check_faults(self.faults, body_faults=self.body.faults, cameras=self.camera_names)
         self._mocap = [self._mocap_of(walk) for walk in self._walks]
         mounts = {int(body) for body in self.model.cam_bodyid}
         self._parts = {
@@ -94,15 +98,10 @@ class Simulation:
         """
         while self._time_ns < until_ns:
             self._step()
-        for warning in _BREAKDOWNS:
-            if self.data.warning[warning].number:
-                raise RunError(
-                    f"{self.world.name}: the physics broke down, {self._time_ns / 1e9:.3f} s from "
-                    "the start; look for bodies of little mass or stiff joints in the world"
-                )
+        self._check_sanity()
 
     def robot_pose(self, time_ns: int | None = None) -> Transform:
-        """Return the true world_from_robot, now or at a time of the last 0.3 s."""
+        """Return the true world_from_robot, now or at a time of the last 0.4 s."""
         return self.part_pose("robot", time_ns)
 
     def part_pose(self, name: str, time_ns: int | None = None) -> Transform:
@@ -112,8 +111,9 @@ class Simulation:
         return self._pose(self._parts[name], self._time_ns if time_ns is None else time_ns)
 
     def camera_pose(self, name: str, time_ns: int | None = None) -> Transform:
-        """Return world_from_camera (x right, y down, z forward), now or within the last 0.3 s.
+        """Return world_from_camera (x right, y down, z forward), now or within the last 0.4 s.
 
+        That is where it was built in and calibrated; faults that move it are not in it.
         InputError when there is no such camera, or the time is not remembered.
         """
         return self.camera_poses(name, [self._time_ns if time_ns is None else time_ns])[0]
@@ -146,24 +146,64 @@ class Simulation:
             translation_m=[x_m, y_m, height_m], quaternion_wxyz=yaw_quaternion(yaw_rad)
         )
         self.body.bind(self.model, self.data, start, seed)
-        self._move_walkers(0)
+        self._move_things(0)
+        self._check_room()
         mujoco.mj_step1(self.model, self.data)
         for _ in range(SETTLING_STEPS):
             self.body.before_step(0, disturbance((), 0))
             mujoco.mj_step2(self.model, self.data)
             mujoco.mj_step1(self.model, self.data)
         self._remember()
+        self._check_sanity()
+        pushed_m = np.linalg.norm(self.robot_pose().translation_m - start.translation_m)
+        if pushed_m > MOST_PUSHED_M:
+            raise InputError(
+                f"{self.world.name}: the robot does not fit at the start x {x_m:.2f}, y {y_m:.2f} "
+                f"m: it was pushed {pushed_m:.2f} m away; move the start, or what is there"
+            )
+
+    def _check_room(self) -> None:
+        """Raise InputError when a camera of the body stands inside something from the start."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+        self.solids = Solids(self.model, self.data)
+        for camera, name in enumerate(self.camera_names):
+            if self.model.camera(camera).name.startswith(PREFIX):
+                self.check_free(name, self.data.cam_xpos[camera], 0)
+
+    def check_free(self, camera: str, point_m: NDArray[np.float64], time_ns: int) -> None:
+        """Raise InputError when a point (3,) of the world lies inside something that stands still.
+
+        The message names world, thing, place and time, and that it is the place of that camera.
+        """
+        holder = self.solids.around(point_m)
+        if holder is not None:
+            x_m, y_m, z_m = point_m.tolist()
+            raise InputError(
+                f"{self.world.name}: camera {camera} is inside {holder} at x {x_m:.2f}, y "
+                f"{y_m:.2f}, z {z_m:.2f} m, {time_ns / 1e9:.2f} s from the start; move the start, "
+                "choose another path or seed, or clear the way"
+            )
+
+    def _check_sanity(self) -> None:
+        """Raise RunError when the physics broke down or a pose is none, from wherever it comes."""
+        broke_down = any(self.data.warning[warning].number for warning in _BREAKDOWNS)
+        if broke_down or not np.isfinite(self.data.xpos).all():
+            raise RunError(
+                f"{self.world.name}: the physics broke down, {self._time_ns / 1e9:.3f} s from "
+                "the start; look for bodies of little mass or stiff joints in the world"
+            )
 
     def _step(self) -> None:
         """Act on the state of this moment, then move on to the next and see where things are.
 
         The two halves of MuJoCo's step in this order leave poses that belong to the new time.
         """
-        self.body.before_step(self._time_ns, disturbance(self._faults, self._time_ns))
+        self.body.before_step(self._time_ns, disturbance(self.faults, self._time_ns))
         mujoco.mj_step2(self.model, self.data)
         self._time_ns += STEP_NS
         self.body.after_step(self._time_ns)
-        self._move_walkers(self._time_ns)
+        self._move_things(self._time_ns)
         mujoco.mj_step1(self.model, self.data)
         self._remember()
 
@@ -171,7 +211,10 @@ class Simulation:
         poses = self.data.xpos[self._remembered], self.data.xquat[self._remembered]
         self._history.add(self._time_ns, *poses)
 
-    def _move_walkers(self, time_ns: int) -> None:
+    def _move_things(self, time_ns: int) -> None:
+        """Put walkers where they are by now, and leaves on the marks that are covered."""
+        for cover in self._covers:
+            cover.move(self.model, self.data, time_ns)
         for walk, mocap in zip(self._walks, self._mocap, strict=True):
             self.data.mocap_pos[mocap, :2], self.data.mocap_quat[mocap] = walk.pose(time_ns / 1e9)
 

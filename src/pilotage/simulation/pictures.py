@@ -17,7 +17,8 @@ from pilotage.simulation.surfaces import SURFACES, SurfacePainter
 
 LUMINANCE = np.array([0.299, 0.587, 0.114])
 HIDDEN_GROUP = 3  # geoms of this group and above are not drawn, as in MuJoCo's own viewer
-SUN, SKY, INDOORS, BACKGROUND = 0.75, 0.4, 1.0, 0.9
+SUN, SKY, SKY_SLOPE = 0.75, 0.4, 0.4
+INDOORS, EVEN, LAMP, BACKGROUND = 0.35, 1.0, 1.6, 0.9
 KINDS = {
     mujoco.mjtGeom.mjGEOM_PLANE: _core.ShapeKind.plane,
     mujoco.mjtGeom.mjGEOM_HFIELD: _core.ShapeKind.height_field,
@@ -54,14 +55,18 @@ class Pictures:
         last_ns: int,
         channels: int = 1,
         threads: int = 2,
+        built_from_camera: Transform | None = None,
     ) -> np.ndarray[Any, np.dtype[np.float32]]:
         """Return (H, W) or (H, W, 3) radiance while the rows were exposed from first to last.
 
+        `built_from_camera` is where the camera is instead of where it was built in.
         Things that move by themselves are where they were at the simulation's newest step.
         """
         for geom, shape in self._moving:
             self._scene.set_pose(shape, self._geom_pose(geom))
         first, last = self._simulation.camera_poses(name, [first_ns, last_ns])
+        if built_from_camera is not None:
+            first, last = first @ built_from_camera, last @ built_from_camera
         seen = _core.render(
             self._scene,
             rays,
@@ -143,13 +148,17 @@ class Pictures:
         model = self._model
         directional = int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
         suns = [i for i in range(model.nlight) if model.light_type[i] == directional]
+        lamps = [i for i in range(model.nlight) if model.light_type[i] != directional]
         to_sun = -model.light_dir[suns[0]] if suns else np.array([0.0, 0.0, 1.0])
+        is_lit = bool(suns or lamps)
         self._scene.set_light(
             to_sun=to_sun.tolist(),
             sun=SUN if suns else 0.0,
-            # Indoors the lamps and walls light from everywhere.
-            sky=SKY if suns else INDOORS,
+            # Without any light of its own a world is lit evenly; indoors the walls throw light back.
+            sky=SKY if suns else INDOORS if is_lit else EVEN,
+            sky_slope=SKY_SLOPE if suns else 0.1,
             background=BACKGROUND,
+            lamps=[(self._simulation.data.light_xpos[i].tolist(), LAMP) for i in lamps],
         )
 
 

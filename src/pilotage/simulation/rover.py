@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from pilotage import Transform
 from pilotage.simulation.body import PREFIX, REST, Motion, Pose2
-from pilotage.simulation.faults import KINDS, Disturbance
+from pilotage.simulation.disturbance import Disturbance
+from pilotage.simulation.faults import BODY, names_of
 from pilotage.simulation.odometry import advanced
 from pilotage.simulation.optics import camera_element
 
@@ -41,7 +42,7 @@ _WHEEL_PRIORITY = 2  # above the ground's, while a fault takes the grip away
 class Rover:
     """A tracked rover of 12 kg; frames `front_left`, `front_right`, `down_left`, `down_right`."""
 
-    faults = frozenset(KINDS)
+    faults = names_of(BODY)
     capacity_j = CAPACITY_J
 
     def __init__(self) -> None:

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Procedural surfaces: what grounds and things look like to a rendered camera."""
+"""What grounds and things look like to a rendered camera: noise of several sizes, photographs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import resources
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
@@ -17,8 +19,6 @@ Array = NDArray[np.float64]
 SIDE = 512
 # A sample's values are kept within this many standard deviations.
 WIDEST_SIGMA = 3.0
-# Each band is shown by two layers a little apart in size: where one repeats, the other does not.
-SIZE_RATIO = 0.87
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,21 @@ SURFACES: dict[str, tuple[Band, ...]] = {
     "carpet": (Band("fibres", 0.0004, 0.18), Band("octaves", 0.008, 0.10)),
     "plaster": (Band("octaves", 0.0006, 0.06), Band("octaves", 0.012, 0.07)),
     "wood": (Band("fibres", 0.0012, 0.16), Band("octaves", 0.02, 0.10)),
-    "grass": (Band("fibres", 0.0008, 0.38), Band("octaves", 0.012, 0.24)),
-    "gravel": (Band("grains", 0.0014, 0.34), Band("octaves", 0.016, 0.12)),
-    "brick": (Band("octaves", 0.0008, 0.12), Band("grains", 0.008, 0.20)),
+    "grass": (
+        Band("octaves", 0.0003, 0.08),
+        Band("photographed grass", 0.001, 0.32),
+        Band("octaves", 0.02, 0.16),
+    ),
+    "gravel": (
+        Band("octaves", 0.0003, 0.07),
+        Band("photographed gravel", 0.001, 0.31),
+        Band("octaves", 0.02, 0.10),
+    ),
+    "brick": (
+        Band("octaves", 0.0004, 0.08),
+        Band("photographed brick", 0.0018, 0.23),
+        Band("octaves", 0.02, 0.08),
+    ),
     "poster": (Band("grains", 0.004, 0.45), Band("octaves", 0.01, 0.20)),
     "bark": (Band("fibres", 0.001, 0.30), Band("octaves", 0.01, 0.16)),
     "leaves": (Band("grains", 0.004, 0.40), Band("octaves", 0.02, 0.20)),
@@ -72,11 +84,38 @@ def grains(random: np.random.Generator) -> Array:
     return np.asarray(gaussian_filter(values.reshape(SIDE, SIDE), 0.6, mode="wrap"))
 
 
+def photograph(name: str) -> Array:
+    """Return one of the pictures in `textures/`, (SIDE, SIDE), made to wrap around.
+
+    Its periodic component (Moisan 2011): what is left without the smooth picture that takes up the
+    jumps between opposite edges.
+    """
+    data = resources.files("pilotage.simulation").joinpath(f"textures/{name}.png").read_bytes()
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    values = np.asarray(picture, np.float64)
+    jumps = np.zeros_like(values)
+    jumps[0] = values[-1] - values[0]
+    jumps[-1] = -jumps[0]
+    sideways = values[:, -1] - values[:, 0]
+    jumps[:, 0] += sideways
+    jumps[:, -1] -= sideways
+    turns = 2 * np.cos(2 * np.pi * np.fft.fftfreq(SIDE))
+    laplacian = turns[:, None] + turns[None] - 4
+    laplacian[0, 0] = 1
+    spectrum = np.fft.fft2(jumps) / laplacian
+    spectrum[0, 0] = 0
+    return np.asarray(values - np.fft.ifft2(spectrum).real)
+
+
 STYLES: dict[str, Callable[[np.random.Generator], Array]] = {
     "octaves": octaves,
     "fibres": fibres,
     "grains": grains,
+    "photographed grass": lambda _: photograph("grass"),
+    "photographed gravel": lambda _: photograph("gravel"),
+    "photographed brick": lambda _: photograph("brick"),
 }
+WITH_GRAIN = {"fibres", "photographed brick"}
 
 
 class SurfacePainter:
@@ -96,19 +135,16 @@ class SurfacePainter:
         scale: float,
     ) -> _core.Material:
         """Return the surface `kind` of that mean albedo; `scale` 2 is twice as coarse."""
-        layers = []
-        for number, band in enumerate(SURFACES[kind]):
-            # Two layers, neither alike: their variances add up to the band's.
-            amplitude = WIDEST_SIGMA * band.contrast * albedo / np.sqrt(2)
-            for part, ratio in enumerate((1.0, SIZE_RATIO)):
-                layers.append(
-                    _core.SurfaceLayer(
-                        exemplar=self._exemplar(band.style),
-                        amplitude=amplitude,
-                        texel_m=scale * ratio * band.texel_m,
-                        seed=(seed + 7919 * number + 104729 * part) % 2**32,
-                    )
-                )
+        layers = [
+            _core.SurfaceLayer(
+                exemplar=self._exemplar(band.style),
+                amplitude=WIDEST_SIGMA * band.contrast * albedo,
+                texel_m=scale * band.texel_m,
+                seed=(seed + 7919 * number) % 2**32,
+                has_grain=band.style in WITH_GRAIN,
+            )
+            for number, band in enumerate(SURFACES[kind])
+        ]
         return _core.Material(albedo=albedo, colour=colour, layers=layers)
 
     def _exemplar(self, style: str) -> int:
