@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast are simulated cameras, and do they see what MuJoCo's own renderer sees?
+
+    python benchmarks/rendering.py --width 640          # goal: 10 steps/s of four views
+    python benchmarks/rendering.py --width 1280         # goal: 3 steps/s of four views
+
+The rover drives through a yard and takes a picture with each of its four cameras ten times a
+second, with all that its sensor does. MuJoCo's renderer draws the same views in the same run:
+through Mesa on the processor (MUJOCO_GL=egl or osmesa), without lens, noise or fine ground.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+
+import mujoco  # noqa: E402, after the choice of its renderer
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+
+from pilotage import Camera, _core  # noqa: E402
+from pilotage.simulation import Drive, Simulation, load_world, robot_model  # noqa: E402
+from pilotage.simulation.camera_group import CameraGroup  # noqa: E402
+from pilotage.simulation.pictures import Pictures, camera_rays  # noqa: E402
+from pilotage.simulation.sensor import read_sensor  # noqa: E402
+
+PATH, RATE_HZ = "closed-10m", 10
+GOALS = {640: 10.0, 1280: 3.0}
+# Software rasterizers compute depth from 24 bits between the near and the far plane.
+SAME_DEPTH = 0.01
+
+
+@dataclass
+class Times:
+    """Seconds of wall and processor time, one of each for each step."""
+
+    wall_s: list[float] = field(default_factory=list)
+    cpu_s: list[float] = field(default_factory=list)
+
+    def __enter__(self) -> None:
+        self._wall, self._cpu = time.perf_counter(), time.process_time()
+
+    def __exit__(self, *_: object) -> None:
+        self.wall_s.append(time.perf_counter() - self._wall)
+        self.cpu_s.append(time.process_time() - self._cpu)
+
+
+def mujoco_views(simulation: Simulation, renderer: Any, names: list[str]) -> Any:
+    """Draw the views with MuJoCo; return the depth (m) of the last one."""
+    for name in names:
+        renderer.update_scene(simulation.data, camera=simulation.camera_id(name))
+        renderer.render()
+    renderer.enable_depth_rendering()
+    depth = renderer.render()
+    renderer.disable_depth_rendering()
+    return depth
+
+
+def our_depth(pictures: Pictures, name: str, rays: Any, time_ns: int) -> NDArray[np.float32]:
+    return pictures.seen(name, rays, first_ns=time_ns, last_ns=time_ns)["depth_m"]
+
+
+def same_depth(ours: Any, theirs: Any) -> float:
+    """Return the share of what both see, to 30 m, where depths are the same."""
+    is_near = (ours > 0) & (ours < 30) & (theirs < 30)
+    return float((np.abs(ours - theirs)[is_near] < SAME_DEPTH * ours[is_near]).mean())
+
+
+def measure(ground: str, arguments: argparse.Namespace) -> None:
+    """Print one row of the table."""
+    world = load_world("yard", seed=7, options={"ground": ground, "path": PATH})
+    simulation = Simulation(world, "rover", seed=7)
+    robot = robot_model("rover")
+    pictures, sensor = Pictures(simulation), read_sensor(arguments.camera)
+    groups = []
+    for pair, names in robot.pairs.items():
+        rig = robot.stereo_rig(simulation, pair, arguments.width)
+        cameras = dict(zip(names, (rig.left, rig.right), strict=True))
+        groups.append(CameraGroup(simulation, cameras, sensor, seed=7, pictures=pictures))
+    names = [name for pair in robot.pairs.values() for name in pair]
+    height = arguments.width * 3 // 4
+    renderer = mujoco.Renderer(simulation.model, height, arguments.width)
+    plain = plain_camera(simulation, names[-1], arguments.width, height)
+    ours, theirs, agreeing = Times(), Times(), []
+    drive = iter(Drive(simulation, PATH, speed_m_s=0.4))
+    for step in range(arguments.steps + 1):
+        wanted_ns = (step + 1) * 1_000_000_000 // RATE_HZ
+        while simulation.time_ns < wanted_ns:
+            next(drive)
+        times = ours if step else Times()  # the first view of all finds nothing kept
+        with times:
+            for group in groups:
+                group.take()
+        if step % 5 == 0:
+            with theirs if step else Times():
+                depth = mujoco_views(simulation, renderer, names)
+            seen = our_depth(pictures, names[-1], plain, simulation.time_ns)
+            agreeing.append(same_depth(seen, depth))
+    rate = 1 / np.median(ours.wall_s)
+    our_ms = 1e3 * np.mean(ours.cpu_s) / len(names)
+    their_ms = 1e3 * np.mean(theirs.cpu_s) / (len(names) + 1)
+    goal = GOALS.get(arguments.width, 0.0)
+    print(
+        f"| {ground} | {arguments.width}x{height} | {rate:.1f} | {goal:g} | {our_ms:.0f} | "
+        f"{their_ms:.0f} | {their_ms / our_ms:.1f} | {100 * np.mean(agreeing):.1f} % |",
+        flush=True,
+    )
+
+
+def plain_camera(simulation: Simulation, name: str, width: int, height: int) -> _core.CameraRays:
+    """Return the rays of a camera as MuJoCo has it: a pinhole."""
+    fovy = np.radians(simulation.model.cam_fovy[simulation.camera_id(name)])
+    focal_px = height / 2 / np.tan(fovy / 2)
+    return camera_rays(
+        Camera(
+            width_px=width,
+            height_px=height,
+            fx_px=focal_px,
+            fy_px=focal_px,
+            cx_px=(width - 1) / 2,
+            cy_px=(height - 1) / 2,
+        )
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--width", type=int, default=640)
+    parser.add_argument("--steps", type=int, default=30)
+    parser.add_argument("--camera", default="good", help="good, ideal, realistic or a YAML file")
+    parser.add_argument("--grounds", default="asphalt,grass,gravel,soil,sand")
+    arguments = parser.parse_args()
+    print(
+        "| ground | views | steps/s | goal | CPU-ms a view | MuJoCo's | ratio | same depth |\n"
+        "|---|---|---|---|---|---|---|---|"
+    )
+    for ground in arguments.grounds.split(","):
+        measure(ground, arguments)
+
+
+if __name__ == "__main__":
+    main()
