@@ -14,6 +14,7 @@ from pilotage.simulation.camera_group import CameraGroup
 from pilotage.simulation.scene import yaw_quaternion
 
 ODOM = "odom"
+LATEST_NS = 150_000_000  # no picture was taken longer before it is there; poses are kept for longer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +28,10 @@ class Moment:
 
 
 class Recorder:
-    """Writes what groups of cameras see, with the robot's odometry and the truth."""
+    """Writes what groups of cameras see, with the robot's odometry and the truth.
+
+    Truth waits until no picture can be older, for its messages rise in time; `finish` comes last.
+    """
 
     def __init__(
         self, simulation: Simulation, groups: Mapping[str, CameraGroup], writer: McapWriter
@@ -36,27 +40,30 @@ class Recorder:
         self._simulation = simulation
         self._groups = groups
         self._writer = writer
-        self._newest_truth_ns = -1
+        self._truth_ns: set[int] = set()
         self._newest_note_ns = -1
 
     def shoot(self, ended_ns: int | None = None) -> None:
         """Let every camera take its picture, now or at a time of the last 0.2 s.
 
-        The truth of that time goes with it; a group whose picture is lost counts as well.
+        The truth of that time goes with it. `shots` counts those of which a group came whole.
         """
-        self.shots += 1
+        is_whole = False
         for group in self._groups.values():
             shot = group.take(ended_ns)
             if shot is None:
                 continue
-            self._write_truth(shot.taken_ns)
+            is_whole |= len(shot.pictures) == len(shot.stamps_ns)
+            # Of the moment the pictures show, whatever their stamps say.
+            self._truth_ns.add(shot.taken_ns)
             for name, picture in shot.pictures.items():
                 self._writer.write_picture(
                     name,
                     timestamp_ns=shot.stamps_ns[name],
                     picture=picture,
-                    encoding="bgr8" if picture.ndim == 3 else "mono8",
+                    encoding="mono8" if picture.ndim == 2 else "bgr8",
                 )
+        self.shots += is_whole
 
     def note(self) -> None:
         """Write odometry, moving frames and truth of now, once for each time."""
@@ -73,16 +80,20 @@ class Recorder:
         )
         moving = {(ODOM, ROBOT): odom_from_robot, **self._moving_frames()}
         self._writer.write_transforms(moving, timestamp_ns=now_ns)
-        self._write_truth(now_ns)
+        self._truth_ns.add(now_ns)
+        self._write_truth(now_ns - LATEST_NS)
+
+    def finish(self) -> None:
+        """Write what was still waited for."""
+        self._write_truth(self._simulation.time_ns)
 
     def _moving_frames(self) -> dict[tuple[str, str], Transform]:
         """Return how the robot believes its own parts sit on each other, by (parent, child)."""
         return {}
 
-    def _write_truth(self, time_ns: int) -> None:
-        # Truth rises in time; what came in between is found by interpolating.
-        if time_ns > self._newest_truth_ns:
-            self._newest_truth_ns = time_ns
+    def _write_truth(self, until_ns: int) -> None:
+        for time_ns in sorted(time_ns for time_ns in self._truth_ns if time_ns <= until_ns):
+            self._truth_ns.remove(time_ns)
             self._write_truth_of(time_ns)
 
     def _write_truth_of(self, time_ns: int) -> None:

@@ -67,14 +67,16 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
             written = written_rig(rig, simulation.faults, pair)
             writer.add_rig(written, timestamp_ns=simulation.time_ns, left=left, right=right)
         recorder = Recorder(simulation, groups, writer)
-        begin_ns = simulation.time_ns
+        begin_ns, tries = simulation.time_ns, 0
         for time_ns in drive:
             way.go_on()
             # Between two steps of the drive too: no rate of pictures divides them all.
-            while (shot_ns := begin_ns + round(recorder.shots * 1e9 / rate_hz)) <= time_ns:
+            while (shot_ns := begin_ns + round(tries * 1e9 / rate_hz)) <= time_ns:
                 recorder.shoot(shot_ns)
+                tries += 1
             recorder.note()
             on_moment(moment_of(simulation, drive, recorder))
+        recorder.finish()
     return Recorded(recorder.shots, way.length_m, simulation.time_ns * 1e-9, drive.has_arrived)
 
 

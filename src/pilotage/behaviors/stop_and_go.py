@@ -103,6 +103,7 @@ def record_stops(  # noqa: PLR0913, what a recording is made of
         recorder = _NaoRecorder(simulation, groups, writer)
         walk = _Walk(simulation, nao, drive, recorder, plan, on_moment)
         walk.run()
+        recorder.finish()
     return Recorded(
         recorder.shots,
         walk.way.length_m,

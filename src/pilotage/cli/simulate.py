@@ -106,16 +106,16 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         from pilotage.behaviors.simulate import record_drive
         from pilotage.behaviors.stop_and_go import record_stops
         from pilotage.cli.live import make_drive_view
-        from pilotage.simulation import Drive, Simulation, read_faults, robot_model
-        from pilotage.simulation.sensor import read_sensor
+        from pilotage.simulation import Drive, Simulation, read_faults, read_sensor, robot_model
 
         model = robot_model(robot)
         plan = _plan(model, stop_every, looks, crouch=crouch, walking_hz=walking_hz)
         chosen = model.chosen_pairs(pairs)
-        loaded, path = _load(world, seed, model, path, _options(ground, settings or []))
+        loaded = _load(world, seed, path or model.paths[0], _options(ground, settings or []))
         acting = read_faults(faults) if faults is not None else ()
         sensor = read_sensor(camera)
         simulation = Simulation(loaded, robot, seed=seed, faults=acting)
+        path = _fitting(loaded, model, path)
         drive = Drive(simulation, path, speed_m_s=model.speed_m_s if speed is None else speed)
         shots, file = "looks" if plan else "pairs", _prepare(out)
         view = make_drive_view(
@@ -198,23 +198,26 @@ def _options(ground: str | None, settings: list[str]) -> dict[str, object]:
     return options
 
 
-def _load(
-    name: str, seed: int, model: RobotModel, path: str | None, options: dict[str, object]
-) -> tuple[World, str]:
-    """Return the world, and the path to take in it: the given one, or one that fits."""
-    from pilotage.simulation import FreeFloor, load_world
+def _load(name: str, seed: int, path: str, options: dict[str, object]) -> World:
+    """Return the world; a yard grows with the path and keeps it free by itself."""
+    from pilotage.simulation import load_world
     from pilotage.simulation.yard import YardOptions, side_for_m
 
-    if name == YARD:  # it grows with the path, and keeps it free by itself
-        path = path or model.paths[0]
+    if name == YARD:
         size_m = max(YardOptions.size_m, side_for_m(path))
         options = {"path": path, "size_m": size_m, **options}
-    world = load_world(name, seed=seed, options=options)
+    return load_world(name, seed=seed, options=options)
+
+
+def _fitting(world: World, model: RobotModel, path: str | None) -> str:
+    """Return the path to take: the given one, which has to fit, or the first that does."""
+    from pilotage.simulation import FreeFloor
+
     floor = FreeFloor(world, model.radius_m)
     if path is None:
-        return world, floor.choose(model.paths)
+        return floor.choose(model.paths)
     floor.check(path)
-    return world, path
+    return path
 
 
 def _prepare(out: Path) -> Path:
