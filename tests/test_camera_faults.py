@@ -13,7 +13,14 @@ from camera_scenes import LEFT, QUIET, RIGHT, Picture, differing, lenses, shots,
 from numpy.typing import NDArray
 
 from pilotage.errors import InputError
-from pilotage.simulation import Fault, Motion, Simulation, World, load_world, read_faults
+from pilotage.simulation import (
+    Fault,
+    Motion,
+    Simulation,
+    World,
+    load_world,
+    read_faults,
+)
 from pilotage.simulation.faults import KINDS
 from pilotage.simulation.mark_covers import LEAF_M, scatter
 

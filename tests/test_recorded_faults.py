@@ -101,7 +101,7 @@ def test_dropped_frames_are_missing_in_the_recording(world: World, well: Path, t
     # The truth goes on.
     truth = open_recording(path).truth()
     assert truth is not None
-    assert np.diff(truth.timestamps_ns).max() < 0.21e9
+    assert set(everything) <= set(truth.timestamps_ns.tolist())
 
 
 def test_delayed_frames_are_stamped_late(world: World, well: Path, tmp_path: Path):
