@@ -5,8 +5,8 @@
     python benchmarks/drives.py --drives 20 --width 240 --rate-hz 5 --longest-m 15    # as in CI
 
 Each drive has a yard of its own (five grounds in turn, flat or with relief), a closed or open path
-of 5 to 50 m, a speed, and a camera that does wrong what real ones do. Drives are independent of each
-other and of how many there are; those that --out holds already are not driven again, so that an
+of 5 to 50 m, a speed, and a camera that does wrong what real ones do. Drives do not depend on each
+other or on how many there are; those that --out holds already are not driven again, so that an
 interrupted run goes on where it was. --from and --drives drive a piece of the whole.
 """
 

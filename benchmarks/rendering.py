@@ -19,15 +19,15 @@ from typing import Any
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
-import mujoco  # noqa: E402, after the choice of its renderer
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
-from pilotage import Camera, _core  # noqa: E402
-from pilotage.simulation import Drive, Simulation, load_world, robot_model  # noqa: E402
-from pilotage.simulation.camera_group import CameraGroup  # noqa: E402
-from pilotage.simulation.pictures import Pictures, camera_rays  # noqa: E402
-from pilotage.simulation.sensor import read_sensor  # noqa: E402
+from pilotage import Camera, _core
+from pilotage.simulation import Drive, Simulation, load_world, robot_model
+from pilotage.simulation.camera_group import CameraGroup
+from pilotage.simulation.pictures import Pictures, camera_rays
+from pilotage.simulation.sensor import read_sensor
 
 PATH, RATE_HZ = "closed-10m", 10
 GOALS = {640: 10.0, 1280: 3.0}

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Long: one search, from the samples to the verdict, is one class.
 #include "estimation/fundamental.hpp"
 
 #include <algorithm>

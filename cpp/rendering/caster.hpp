@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Long: what one group of rays meets and how it is lit.
 #pragma once
 
 #include <algorithm>

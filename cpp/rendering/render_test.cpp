@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Long: one test a promise of the headers.
 #include <boost/test/unit_test.hpp>
 #include <cmath>
 #include <random>
