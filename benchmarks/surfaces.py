@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotage import Camera, Transform, _core
-from pilotage.simulation.sensor import Exposer, Sensor
+from pilotage.simulation.camera_faults import WELL
+from pilotage.simulation.exposure import Exposer, Imager
+from pilotage.simulation.lens import Lens
+from pilotage.simulation.sensor import Sensor
 from pilotage.simulation.surfaces import SURFACES, SurfacePainter
 
 Array = NDArray[Any]
@@ -123,22 +127,21 @@ def spectrum_slope(picture: Array) -> float:
     power = np.abs(np.fft.fft2((picture - picture.mean()) * window)) ** 2
     frequency = np.hypot(np.fft.fftfreq(SIDE)[:, None], np.fft.fftfreq(SIDE))
     edges = np.geomspace(0.02, 0.25, 12)
-    mean = [
-        power[(frequency >= low) & (frequency < high)].mean()
-        for low, high in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    mean = [power[(frequency >= low) & (frequency < high)].mean() for low, high in pairwise(edges)]
     middles = np.sqrt(edges[:-1] * edges[1:])
     return float(np.polyfit(np.log(middles), 0.5 * np.log(mean), 1)[0])
 
 
 def measure(name: str, view: View) -> None:
     """Print a row of the table."""
-    exposer = Exposer(Sensor(vignetting=0.0), seed=3)
-    radiance = view(0, 0, 0)
-    exposer.regulate(radiance)
+    sensor = Sensor(vignetting=0.0)
+    exposer, lens = Exposer(sensor, light=1.0), Lens(sensor.blur_px, [3])
+    imager = Imager(sensor, np.random.default_rng(3))
+    views = [view(0, 0, 0), view(*SHIFT, 0), view(0, 0, TURN_DEG)]
+    exposer.regulate(float(views[0].mean()))
     first, shifted, turned = (
-        exposer.expose(np.ascontiguousarray(seen, np.float32))
-        for seen in (radiance, view(*SHIFT, 0), view(0, 0, TURN_DEG))
+        imager.expose(lens.pass_on(np.asarray(seen, np.float32), WELL), exposer, seed=number)
+        for number, seen in enumerate(views)
     )
     peak, second, found = correlation_peaks(first, shifted)
     share, count = sift_share(first, turned)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pilotage import Camera
 from pilotage.behaviors.simulate import record_drive
 from pilotage.recordings import StereoFrame, open_recording
 from pilotage.simulation import Drive, Fault, Motion, Simulation, World, load_world, robot_model
@@ -52,9 +53,14 @@ def small_world(folder: Path, *, wall_x_m: float = 5.0) -> World:
     return load_world(file, seed=4)
 
 
-def group_of(simulation: Simulation, sensor: Sensor, *, seed: int = 1) -> CameraGroup:
+def lenses(simulation: Simulation) -> dict[str, Camera]:
+    """Return the rover's forward cameras."""
     rig = robot_model("rover").stereo_rig(simulation, "front", WIDTH_PX)
-    return CameraGroup(simulation, {LEFT: rig.left, RIGHT: rig.right}, sensor, seed=seed)
+    return {LEFT: rig.left, RIGHT: rig.right}
+
+
+def group_of(simulation: Simulation, sensor: Sensor, *, seed: int = 1) -> CameraGroup:
+    return CameraGroup(simulation, lenses(simulation), sensor, seed=seed)
 
 
 def shots(  # noqa: PLR0913, what a series is made of

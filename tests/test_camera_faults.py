@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camera_scenes import LEFT, QUIET, RIGHT, WIDTH_PX, Picture, differing, shots, small_world
+from camera_scenes import LEFT, QUIET, RIGHT, Picture, differing, lenses, shots, small_world
 from numpy.typing import NDArray
 
 from pilotage.errors import InputError
@@ -20,7 +20,6 @@ from pilotage.simulation import (
     World,
     load_world,
     read_faults,
-    robot_model,
 )
 from pilotage.simulation.faults import KINDS
 from pilotage.simulation.mark_covers import LEAF_M, scatter
@@ -134,7 +133,7 @@ def test_a_moved_camera_sees_from_where_it_is(world: World, kind: str, axis: int
     before = mark_px(world)
     after = mark_px(world, Fault(names[kind][axis], ONSET_S, size, camera="left"))
     simulation = Simulation(world)
-    lens = robot_model("rover").stereo_rig(simulation, "front", WIDTH_PX).left
+    lens = lenses(simulation)[LEFT]
     mark = simulation.camera_pose(LEFT).inverse() @ np.array([2.0, -0.1, 0.001])
     if kind == "tilt":
         mark_after = rotation(axis, math.radians(size)).T @ mark

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from camera_scenes import LEFT, RIGHT, WIDTH_PX, shots, small_world
+from camera_scenes import LEFT, RIGHT, WIDTH_PX, lenses, shots, small_world
 
 from pilotage.cameras import Camera, Frame
 from pilotage.cameras.simulated import SimulatedCamera
 from pilotage.errors import DeviceError, InputError
 from pilotage.robots import Velocity
 from pilotage.robots.simulated import SimulatedRover
-from pilotage.simulation import Fault, Simulation, World, robot_model
+from pilotage.simulation import Fault, Simulation, World
 from pilotage.simulation.pictures import Pictures
 from pilotage.simulation.sensor import Sensor
 
@@ -28,9 +28,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 
 def camera_of(simulation: Simulation, **options: object) -> SimulatedCamera:
-    rig = robot_model("rover").stereo_rig(simulation, "front", WIDTH_PX)
-    lenses = {LEFT: rig.left, RIGHT: rig.right}
-    return SimulatedCamera(simulation, lenses, **options)  # type: ignore[arg-type]
+    return SimulatedCamera(simulation, lenses(simulation), **options)  # type: ignore[arg-type]
 
 
 def read(camera: Camera, *, timeout_s: float = 0.5) -> Frame:
@@ -133,11 +131,11 @@ def test_a_closed_camera_says_so_and_can_be_opened_again(world: World):
 
 def test_cameras_may_share_a_scene_and_see_colour(world: World):
     simulation = Simulation(world)
-    rig = robot_model("rover").stereo_rig(simulation, "front", WIDTH_PX)
+    lens = lenses(simulation)[LEFT]
     shared = Pictures(simulation)
     sensor = replace(Sensor(), pictures="colour")
     one, two = (
-        SimulatedCamera(simulation, {name: rig.left}, name=name, sensor=sensor, pictures=shared)
+        SimulatedCamera(simulation, {name: lens}, name=name, sensor=sensor, pictures=shared)
         for name in ("down_left", LEFT)
     )
     with one, two:
@@ -147,11 +145,26 @@ def test_cameras_may_share_a_scene_and_see_colour(world: World):
     assert (below.pictures["down_left"] != ahead.pictures[LEFT]).mean() > 0.5
 
 
+def test_the_cameras_of_a_nao_are_cameras_too(world: World):
+    lens = lenses(Simulation(world))[LEFT]
+    simulation = Simulation(world, "nao", faults=[Fault("blind", 0.15, 1.0, camera="bottom")])
+    shared = Pictures(simulation)
+    top, bottom = (
+        SimulatedCamera(simulation, {name: lens}, name=name, rate_hz=10, pictures=shared)
+        for name in ("top", "bottom")
+    )
+    with top, bottom:
+        assert read(top).pictures["top"].mean() > 40
+        assert read(bottom).pictures["bottom"].mean() > 40
+        assert read(top).pictures["top"].mean() > 40
+        assert read(bottom).pictures["bottom"].mean() < 2
+
+
 def test_wrong_cameras_are_refused(world: World, tmp_path: Path):
     simulation = Simulation(world)
     with pytest.raises(InputError, match="rate_hz = 2"):
         camera_of(simulation, rate_hz=2)
-    lens = robot_model("rover").stereo_rig(simulation, "front", WIDTH_PX).left
+    lens = lenses(simulation)[LEFT]
     unknown = SimulatedCamera(simulation, {"rear": lens})
     with pytest.raises(InputError, match="camera 'rear' is unknown"), unknown:
         pass

@@ -175,13 +175,19 @@ def test_colour_pictures_are_blue_green_red_and_jpeg_changes_them_little(world: 
     assert 0.5 < error.std() < 12
 
 
-def test_there_is_no_shot_that_began_before_the_simulation(world: World):
+def test_the_first_shot_is_of_the_start_and_each_is_newer_than_the_last(world: World):
     simulation = Simulation(world)
-    group = group_of(simulation, replace(STEADY, readout_s=0.03))
-    simulation.advance(20_000_000)
-    assert group.take() is None
+    group = group_of(simulation, replace(STEADY, readout_s=0.04))
+    first = group.take()
+    assert first is not None
+    assert first.taken_ns == 0
+    simulation.advance(18_000_000)
+    assert group.take() is None  # its middle lies before the start as well
     simulation.advance(40_000_000)
-    assert group.take() is not None
+    second = group.take()
+    assert second is not None
+    assert second.taken_ns == 19_995_000
+    assert group.take() is None
 
 
 def test_indoors_there_is_less_light():

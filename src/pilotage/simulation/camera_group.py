@@ -100,21 +100,24 @@ class CameraGroup:
             for number, (name, camera) in enumerate(cameras.items())
         ]
         self._pairs = pairs_of(list(cameras))
+        self._newest_ns = -1
 
     def take(self, ended_ns: int | None = None) -> Shot | None:
         """Return the shot whose last row was read out just now, or at a time of the last 0.2 s.
 
-        None when it would have begun before the simulation did. InputError when a camera is inside
-        something; it names world, camera and place.
+        Before the simulation began all stood still as at its start. None for a shot that is not
+        newer than the last. InputError when a camera is inside something; it names world, camera
+        and place.
         """
         ended_ns = self._simulation.time_ns if ended_ns is None else ended_ns
         if not self._exposer.is_metered:
             self._meter(ended_ns)
         exposure_s = self._exposer.exposure_s
         half_ns = round((exposure_s + self._sensor.readout_s) * 1e9 / 2)
-        middle_ns = ended_ns - half_ns
-        if middle_ns < half_ns:
+        middle_ns = max(0, ended_ns - half_ns)
+        if middle_ns <= self._newest_ns:
             return None
+        self._newest_ns = middle_ns
         faults = self._simulation.faults
         acting = {eye.name: acting_on_camera(faults, eye.name, middle_ns) for eye in self._eyes}
         lights = {

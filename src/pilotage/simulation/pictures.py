@@ -154,7 +154,7 @@ class Pictures:
         self._scene.set_light(
             to_sun=to_sun.tolist(),
             sun=SUN if suns else 0.0,
-            # Without any light of its own a world is lit evenly; indoors the walls throw light back.
+            # Without a light of its own a world is lit evenly; indoors the walls throw light back.
             sky=SKY if suns else INDOORS if is_lit else EVEN,
             sky_slope=SKY_SLOPE if suns else 0.1,
             background=BACKGROUND,

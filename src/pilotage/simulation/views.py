@@ -57,8 +57,8 @@ class View:
             radiance = self._pictures.radiance(
                 self._name,
                 self._rays,
-                first_ns=max(0, round(at_ns - half_ns)),
-                last_ns=max(0, round(at_ns + half_ns)),
+                first_ns=self._known(at_ns - half_ns),
+                last_ns=self._known(at_ns + half_ns),
                 channels=channels,
                 built_from_camera=built_from_camera,
             )
@@ -67,17 +67,17 @@ class View:
         return np.asarray(total / count, np.float32)
 
     def _sub_exposures(self, middle_ns: int, exposure_s: float, mount: Transform) -> int:
-        half_ns = round(exposure_s * 1e9 / 2)
-        first, last = (
-            pose @ mount
-            for pose in self._simulation.camera_poses(
-                self._name, [max(0, middle_ns - half_ns), middle_ns + half_ns]
-            )
-        )
+        half_ns = exposure_s * 1e9 / 2
+        times_ns = [self._known(middle_ns - half_ns), self._known(middle_ns + half_ns)]
+        first, last = (pose @ mount for pose in self._simulation.camera_poses(self._name, times_ns))
         moved_px = self._moved_px(first, last)
         if moved_px < STILL_PX:
             return 1
         return min(MOST_SUB_EXPOSURES, max(2, math.ceil(moved_px / STEP_PX)))
+
+    def _known(self, time_ns: float) -> int:
+        """Return a time between the simulation's start, where all stood still, and now."""
+        return min(max(0, round(time_ns)), self._simulation.time_ns)
 
     def _moved_px(self, first: Transform, last: Transform) -> float:
         """Return how far the picture's middle and corners move from one pose to the other."""
