@@ -73,40 +73,52 @@ def simulation_of(plan: DrivePlan) -> Simulation:
     return Simulation(load_world("yard", seed=plan.seed, options=options), ROBOT, seed=plan.seed)
 
 
-def drive(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> dict[str, Any]:
-    """Drive, track every pair, and return the figures of the adjusted trajectory."""
-    start = time.process_time()
+@dataclass
+class Tracked:
+    """What the odometry made of a drive, and the robot's true poses (N, 4, 4) at its pairs."""
+
+    results: list[Any]
+    truth: np.ndarray[Any, Any]
+    tracking_s: float
+    has_arrived: bool
+
+
+def track(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> Tracked:
+    """Drive and track every pair that comes."""
     simulation, robot = simulation_of(plan), robot_model(ROBOT)
     rig = robot.stereo_rig(simulation, PAIR, width)
     left, right = robot.pairs[PAIR]
-    group = CameraGroup(
-        simulation, {left: rig.left, right: rig.right}, read_sensor(camera), seed=plan.seed
-    )
-    odometry = StereoOdometry(rig=rig)
-    truth, live, tracking_s, pairs = [], [], 0.0, 0
+    cameras = {left: rig.left, right: rig.right}
+    group = CameraGroup(simulation, cameras, read_sensor(camera), seed=plan.seed)
+    odometry, truth, tracking_s, tries = StereoOdometry(rig=rig), [], 0.0, 0
     way = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s)
     for now_ns in way:
-        while (shot_ns := round(pairs * NS / rate_hz)) <= now_ns:
-            pairs += 1
+        while (shot_ns := round(tries * NS / rate_hz)) <= now_ns:
+            tries += 1
             shot = group.take(shot_ns)
             if shot is None or len(shot.pictures) < 2:
                 continue
             began = time.process_time()
-            result = odometry.track(shot.pictures[left], shot.pictures[right], shot.stamps_ns[left])
+            odometry.track(shot.pictures[left], shot.pictures[right], shot.stamps_ns[left])
             tracking_s += time.process_time() - began
-            live.append(result)
             truth.append(simulation.robot_pose(shot.taken_ns).matrix())
-    results = odometry.finish()
+    return Tracked(odometry.finish(), np.array(truth), tracking_s, way.has_arrived)
+
+
+def drive(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> dict[str, Any]:
+    """Return the figures of one drive's adjusted trajectory."""
+    start = time.process_time()
+    tracked = track(plan, width=width, rate_hz=rate_hz, camera=camera)
     unknown = np.full((4, 4), np.nan)
-    poses = [r.world_from_left for r in results]
+    poses = [result.world_from_left for result in tracked.results]
     metrics = evaluate_trajectory(
         estimate=np.array([unknown if pose is None else pose.matrix() for pose in poses]),
-        truth=np.array(truth),
-        covariances=covariances_of(results),
+        truth=tracked.truth,
+        covariances=covariances_of(tracked.results),
     )
     return {
         **asdict(plan),
-        "arrived": way.has_arrived,
+        "arrived": tracked.has_arrived,
         "pairs": metrics.pairs,
         "lost": metrics.lost,
         "length_m": metrics.truth_length_m,
@@ -115,7 +127,7 @@ def drive(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> dict[s
         "ate_percent": metrics.ate_percent_of_length,
         "scale": metrics.scale,
         "nees": metrics.consistency.mean_nees if metrics.consistency else None,
-        "tracking_ms": 1e3 * tracking_s / max(1, metrics.pairs),
+        "tracking_ms": 1e3 * tracked.tracking_s / max(1, metrics.pairs),
         "cpu_s": time.process_time() - start,
     }
 
