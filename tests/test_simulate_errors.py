@@ -174,7 +174,8 @@ def test_a_disk_that_is_full_leaves_nothing_that_looks_whole(tmp_path: Path):
         env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
         check=False,
     )
-    assert done.returncode == 1, done.stderr
+    assert done.returncode == 2, done.stderr
+    assert "choose another place" in " ".join(done.stderr.split())
     assert f"cannot write {out / 'recording.mcap.part'}" in " ".join(done.stderr.split())
     assert [file.name for file in out.iterdir()] == ["recording.mcap.part"]
     refused = call("localize", out, "-o", tmp_path / "results")

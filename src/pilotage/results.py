@@ -38,11 +38,12 @@ TUM_LIVE = "trajectory_live_tum.txt"
 KITTI = "trajectory_kitti.txt"
 TRUTH = "truth_tum.txt"
 CLOUD = "points.ply"
+PICTURES = "pictures.jpg"
 EVALUATION = "evaluation.json"
 REPORT = "report.html"
 FILES = (
     *(SUMMARY, CONFIG, CALIBRATION, POSES, POSES_LIVE, TUM, TUM_LIVE, KITTI),
-    *(TRUTH, CLOUD, EVALUATION, REPORT),
+    *(TRUTH, CLOUD, PICTURES, EVALUATION, REPORT),
 )
 
 
@@ -104,6 +105,11 @@ class ResultsFolder:
     def write_cloud(self, points_m: NDArray[np.floating[Any]], greys: NDArray[np.uint8]) -> None:
         """Write (N, 3) points in the world, metres, and their (N,) greys as binary PLY."""
         write_atomically(self.path / CLOUD, ply_bytes(points_m, greys))
+
+    def write_pictures(self, sheet: bytes | None) -> None:
+        """Write the sheet of some of the run's pictures, a JPEG; no file where there is none."""
+        if sheet is not None:
+            write_atomically(self.path / PICTURES, sheet)
 
     def write_config(self, config: Mapping[str, Any]) -> None:
         """Write the whole configuration the run used, so that it can be given to --config."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pilotage.behaviors.contact_sheet import ContactSheet
 from pilotage.behaviors.summary import Cost, name_of, peak_rss_mb, settle, summarize
 from pilotage.errors import InputError, RunError
 from pilotage.pose_files import PoseRecord
@@ -64,7 +65,7 @@ def localize(  # noqa: PLR0913, all by name
     with ResultsFolder(out, overwrite=overwrite) as folder:
         folder.write_config(config.to_dict())
         folder.write_calibration(recording.rig)
-        run = _Run(recording, odometry, folder, chosen)
+        run = _Run(recording, odometry, folder, chosen, ContactSheet(chosen))
         start = Cost.now(recording)
         error: BaseException | None = None
         try:
@@ -85,6 +86,7 @@ class _Run:
     odometry: StereoOdometry
     folder: ResultsFolder
     chosen: range
+    sheet: ContactSheet
     indices: list[int] = field(default_factory=list)
     skipped: list[BadFrame] = field(default_factory=list)
 
@@ -103,6 +105,7 @@ class _Run:
     def _track_pair(self, frame: StereoFrame | BadFrame) -> PoseRecord:
         self.indices.append(frame.index)
         if isinstance(frame, StereoFrame):
+            self.sheet.look(frame.index, frame.timestamp_ns, frame.left)
             result = self.odometry.track(frame.left, frame.right, frame.timestamp_ns)
             return record_of(frame.index, result)
         self.skipped.append(frame)
@@ -131,6 +134,7 @@ class _Run:
             lambda: self.folder.write_trajectory(records),
             lambda: self.folder.write_cloud(points, greys),
             lambda: self.folder.write_truth(truth_records(self.recording)),
+            lambda: self.folder.write_pictures(self.sheet.jpeg()),
             lambda: self.folder.write_summary(summary),
         )
         for write in writes:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -105,3 +106,8 @@ def _print(metrics: Metrics, title: str) -> None:
                 f"{segment.rotation_deg_m:.5f} deg/m",
             )
         console.print(segments)
+    if math.isfinite(metrics.end_error_percent):
+        console.print(
+            f"At the end {100 * metrics.end_error_m:.1f} cm off,"
+            f" {metrics.end_error_percent:.3f} % of {metrics.truth_length_m:.2f} m"
+        )

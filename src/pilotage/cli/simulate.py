@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 RECORDING = "recording.mcap"
 YARD = "yard"
+# No room is left on the disk, for this user, or in a file.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 ROVER_OPTIONS, NAO_OPTIONS = "Of the rover", "Of the Nao"
 
 
@@ -140,15 +143,21 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
 
 @contextmanager
 def _kept_when_interrupted(file: Path) -> Iterator[None]:
-    """Say what an interrupt left behind."""
+    """Say what an interrupt or a full disk left behind; the latter asks for another place."""
+    from pilotage.errors import InputError, RunError
     from pilotage.recordings.mcap_writer import PART_SUFFIX
 
+    part = file.with_name(file.name + PART_SUFFIX)
+    recover = f"`pilotage recover {part}` makes what was recorded whole"
     try:
         yield
     except KeyboardInterrupt:
-        part = file.with_name(file.name + PART_SUFFIX)
-        kept = f"; `pilotage recover {part}` makes what was recorded whole" if part.exists() else ""
-        fail(f"interrupted{kept}", FAILED)
+        fail("interrupted" + (f"; {recover}" if part.exists() else ""), FAILED)
+    except RunError as error:
+        cause = error.__cause__
+        if isinstance(cause, OSError) and cause.errno in FULL:
+            raise InputError(f"{error}; choose another place with -o, or {recover}") from error
+        raise
 
 
 def _plan(

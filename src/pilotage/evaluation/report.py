@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import sys
 from collections.abc import Iterable, Sequence
@@ -28,7 +29,7 @@ from pilotage.evaluation.verdict import (
 )
 from pilotage.pose_files import read_text
 from pilotage.reasons import reason_remedy, reason_words
-from pilotage.results import CALIBRATION, CONFIG, REPORT, TRUTH, Results, read_results
+from pilotage.results import CALIBRATION, CONFIG, PICTURES, REPORT, TRUTH, Results, read_results
 
 CSS = """
 :root { color-scheme: light; }
@@ -51,7 +52,7 @@ h2 { font-size: 17px; margin: 28px 0 10px; }
   align-items: start; }
 .figures .wide { grid-column: 1 / -1; }
 figure { margin: 0; }
-svg { display: block; width: 100%; height: auto; }
+svg, img { display: block; width: 100%; height: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
 th, td { text-align: left; padding: 4px 10px; border-bottom: 1px solid #e6e8eb; font-weight: 400;
   vertical-align: top; }
@@ -98,6 +99,7 @@ def _sections(results: Results, comparison: Comparison | None) -> Iterable[str]:
     else:
         yield _warnings(["The run was killed: this is what was known when it ended."])
     yield from _figures(course, comparison)
+    yield _pictures(results)
     if comparison is not None:
         yield _truth_tables(comparison)
     if "pairs" in summary:
@@ -172,6 +174,18 @@ def _figures(course: Course, comparison: Comparison | None) -> Iterable[str]:
 def _figure(svg: str, name: str, *, wide: bool = False) -> str:
     kind = "card wide" if wide else "card"
     return f"<figure class='{kind}' role='img' aria-label='{escape(name)}'>{svg}</figure>"
+
+
+def _pictures(results: Results) -> str:
+    """Return some of what the left camera saw; results of older versions have no pictures."""
+    path = results.path / PICTURES
+    if not path.exists():
+        return ""
+    data = base64.b64encode(path.read_bytes()).decode()
+    return (
+        "<h2>What the left camera saw</h2><figure class='card wide'>"
+        f"<img alt='pictures over time' src='data:image/jpeg;base64,{data}'></figure>"
+    )
 
 
 def _truth_tables(comparison: Comparison) -> str:

@@ -16,6 +16,7 @@ from pilotage.simulation.scene import SURFACE_PREFIX
 from pilotage.simulation.surfaces import SURFACES, SurfacePainter
 
 LUMINANCE = np.array([0.299, 0.587, 0.114])
+EDGE_SAMPLES = 16
 HIDDEN_GROUP = 3  # geoms of this group and above are not drawn, as in MuJoCo's own viewer
 SUN, SKY, SKY_SLOPE = 0.75, 0.4, 0.4
 INDOORS, EVEN, LAMP, BACKGROUND = 0.35, 1.0, 1.6, 0.9
@@ -62,8 +63,7 @@ class Pictures:
         `built_from_camera` is where the camera is instead of where it was built in.
         Things that move by themselves are where they were at the simulation's newest step.
         """
-        for geom, shape in self._moving:
-            self._scene.set_pose(shape, self._geom_pose(geom))
+        self._move_things()
         first, last = self._simulation.camera_poses(name, [first_ns, last_ns])
         if built_from_camera is not None:
             first, last = first @ built_from_camera, last @ built_from_camera
@@ -74,9 +74,22 @@ class Pictures:
             world_from_camera_last=last,
             channels=channels,
             threads=threads,
-            edge_samples=16,
+            edge_samples=EDGE_SAMPLES,
         )
         return np.asarray(seen["radiance"])
+
+    def depth_m(
+        self, name: str, rays: _core.CameraRays, *, at_ns: int
+    ) -> np.ndarray[Any, np.dtype[np.float32]]:
+        """Return (H, W) depth along the camera's z, metres; 0 where nothing is seen."""
+        self._move_things()
+        pose = self._simulation.camera_pose(name, at_ns)
+        seen = _core.render(self._scene, rays, world_from_camera=pose, edge_samples=1)
+        return np.asarray(seen["depth_m"])
+
+    def _move_things(self) -> None:
+        for geom, shape in self._moving:
+            self._scene.set_pose(shape, self._geom_pose(geom))
 
     def _add_geom(self, geom: int) -> None:
         model = self._model
