@@ -151,7 +151,10 @@ def read_done(out: Path, settings: dict[str, Any]) -> dict[int, dict[str, Any]]:
     done: dict[int, dict[str, Any]] = {}
     if not out.exists():
         return done
-    for line in out.read_text().splitlines():
+    text = out.read_text()
+    if text and not text.endswith("\n"):
+        out.write_text(text + "\n")  # what follows begins a line of its own
+    for line in text.splitlines():
         try:
             record = json.loads(line)
         except json.JSONDecodeError:

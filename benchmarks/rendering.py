@@ -52,6 +52,8 @@ class Times:
 
 def make_renderer(simulation: Simulation, width: int, height: int) -> Any:
     """Return MuJoCo's renderer; None where the machine has no Mesa to draw with."""
+    simulation.model.vis.global_.offwidth = width
+    simulation.model.vis.global_.offheight = height
     try:
         return mujoco.Renderer(simulation.model, height, width)
     except Exception as error:  # whatever the graphics library finds missing

@@ -101,6 +101,36 @@ def test_every_recording_runs_and_judges(
     assert "- `textures`: not run" in table.read_text()
 
 
+def test_drives_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
+    out = tmp_path / "drives.jsonl"
+    few = ["--width", 160, "--rate-hz", 5, "--longest-m", 5.1, "--workers", 1, "--out", out]
+    first = run_benchmark("drives.py", "--drives", 1, *few)
+    assert first.returncode == 0, first.stdout + first.stderr
+    with out.open("a") as file:
+        file.write('{"number": 1, "end_m": 0.0')  # cut off
+    both = run_benchmark("drives.py", "--drives", 2, *few)
+    assert both.returncode == 0, both.stdout + both.stderr
+    assert "| all | 2 |" in both.stdout
+    assert "[2/2]" in both.stderr
+    assert "[1/2]" not in both.stderr
+    other = run_benchmark("drives.py", "--drives", 2, *few, "--camera", "ideal")
+    assert other.returncode != 0
+    assert "give another" in other.stderr
+
+
+def test_rendering_and_surfaces_print_their_tables() -> None:
+    arguments = ["--width", 160, "--steps", 5, "--grounds", "soil"]
+    done = run_benchmark("rendering.py", *arguments)
+    assert done.returncode == 0, done.stdout + done.stderr
+    row = done.stdout.splitlines()[-1]
+    assert row.startswith("| soil | 160x120 |")
+    if "without MuJoCo's renderer" not in done.stderr:
+        assert float(row.split("|")[-2].strip(" %")) > 99
+    done = run_benchmark("surfaces.py")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "| rendered gravel, 1.4 mm a pixel |" in done.stdout
+
+
 def test_perfect_poses_are_judged_perfect() -> None:
     truth = straight_path(30, 0.5)
     figures = judge("street", a_run(truth, 1e-4 * np.eye(6)), truth)

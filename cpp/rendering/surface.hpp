@@ -21,6 +21,8 @@ struct Footprint {
 
 /// Of albedo: less is a fraction of a grey value.
 constexpr float least_contrast = 0.002f;
+/// Of one layer among several.
+constexpr float invisible = 0.0005f;
 /// Texels of surface tiles: 2^-13 m (0.12 mm) and its doubles.
 constexpr int finest_exponent = -13;
 constexpr int levels = 24;
@@ -115,15 +117,21 @@ PILOTAGE_INLINE Floats sample(const Exemplar& exemplar, const SurfaceLayer& laye
   const float last = static_cast<float>(exemplar.levels().size()) - 1.001f;
   const float level = std::clamp(std::log2(texel_m / layer.texel_m), 0.0f, last);
   const int finer = static_cast<int>(level);
-  const float part = level - static_cast<float>(finer), per_m = 1 / layer.texel_m;
+  if (exemplar.levels()[finer].rms * std::abs(layer.amplitude) < invisible) return splat(0);
+  // One copy alone over most of its range costs half.
+  const float part = std::clamp(2 * (level - static_cast<float>(finer)) - 0.5f, 0.0f, 1.0f);
+  const float per_m = 1 / layer.texel_m;
   Corner corners[3];
   find_corners(u, v, per_m / (lattice_share * static_cast<float>(exemplar.side())), layer.seed,
                corners);
   Floats squares = splat(0);
   for (const Corner& corner : corners) squares += corner.weight * corner.weight;
   const Floats x = per_m * u, y = per_m * v;
-  Floats sum =
-      (1 - part) * blend_corners(exemplar.levels()[finer], finer, corners, layer.has_grain, x, y);
+  Floats sum = splat(0);
+  if (part < 1) {
+    sum =
+        (1 - part) * blend_corners(exemplar.levels()[finer], finer, corners, layer.has_grain, x, y);
+  }
   if (part > 0) {
     sum += part *
            blend_corners(exemplar.levels()[finer + 1], finer + 1, corners, layer.has_grain, x, y);

@@ -169,6 +169,13 @@ inline void ViewRenderer::keep(const Seen& seen, const PixelRays& rays, int colu
   const Ints is_hit = seen.shape >= 0;
   const Floats depth = is_hit ? seen.distance * along : splat(0);
   const std::size_t first = static_cast<std::size_t>(row) * result_.width + column;
+  if (column + count <= result_.width && result_.channels == 1) {
+    std::memcpy(&result_.depth_m[first], &depth, sizeof depth);
+    std::memcpy(&result_.shape[first], &seen.shape, sizeof seen.shape);
+    std::memcpy(&keys_[first], &seen.key, sizeof seen.key);
+    std::memcpy(&result_.values[first], &seen.radiance[0], sizeof seen.radiance[0]);
+    return;
+  }
   const std::size_t size = 4 * static_cast<std::size_t>(std::min(count, result_.width - column));
   std::memcpy(&result_.depth_m[first], &depth, size);
   std::memcpy(&result_.shape[first], &seen.shape, size);
