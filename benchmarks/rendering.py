@@ -78,17 +78,25 @@ def same_depth(ours: Any, theirs: Any) -> float:
     return float((np.abs(ours - theirs)[is_near] < SAME_DEPTH * ours[is_near]).mean())
 
 
-def measure(ground: str, arguments: argparse.Namespace) -> None:
-    """Print one row of the table."""
-    world = load_world("yard", seed=7, options={"ground": ground, "path": PATH})
-    simulation = Simulation(world, "rover", seed=7)
-    robot = robot_model("rover")
-    pictures, sensor = Pictures(simulation), read_sensor(arguments.camera)
+def make_groups(
+    simulation: Simulation, pictures: Pictures, arguments: argparse.Namespace
+) -> list[CameraGroup]:
+    """Return the rover's pairs."""
+    robot, sensor = robot_model("rover"), read_sensor(arguments.camera)
     groups = []
     for pair, names in robot.pairs.items():
         rig = robot.stereo_rig(simulation, pair, arguments.width)
         cameras = dict(zip(names, (rig.left, rig.right), strict=True))
         groups.append(CameraGroup(simulation, cameras, sensor, seed=7, pictures=pictures))
+    return groups
+
+
+def measure(ground: str, arguments: argparse.Namespace) -> None:
+    """Print one row of the table."""
+    world = load_world("yard", seed=7, options={"ground": ground, "path": PATH})
+    simulation = Simulation(world, "rover", seed=7)
+    robot, pictures = robot_model("rover"), Pictures(simulation)
+    groups = make_groups(simulation, pictures, arguments)
     names = [name for pair in robot.pairs.values() for name in pair]
     height = arguments.width * 3 // 4
     renderer = make_renderer(simulation, arguments.width, height)

@@ -8,8 +8,8 @@
 #include <optional>
 #include <vector>
 
-#include "rendering/surface.hpp"
 #include "rendering/surface_point.hpp"
+#include "rendering/surface_reader.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {
 

@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "rendering/lanes.hpp"
 #include "rendering/placed_shape.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {

@@ -2,22 +2,13 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
-#include <memory>
-#include <vector>
 
 #include "rendering/lanes.hpp"
 #include "rendering/scene.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {
-
-/// The patch of a surface that a pixel sees: how its coordinates (metres) change over one pixel in
-/// x and one in y.
-struct Footprint {
-  Floats u_x, v_x, u_y, v_y;
-};
 
 /// Of albedo: less is a fraction of a grey value.
 constexpr float least_contrast = 0.002f;
@@ -186,108 +177,6 @@ inline MaterialDetail detail_of(const Scene& scene, const Material& material) {
     }
   }
   return detail;
-}
-
-/// Reads surfaces for one thread.
-class SurfaceReader {
- public:
-  explicit SurfaceReader(const Scene& scene) : scene_(scene), tiles_(scene.surface_tiles()) {}
-
-  /// Sums of a material's layers at (u, v), by bilinear interpolation between texels of a level.
-  PILOTAGE_INLINE Floats read(int material, int level, const Floats& u, const Floats& v) {
-    const float per_m = std::ldexp(1.0f, -finest_exponent - level);
-    const Floats x = per_m * u - 0.5f, y = per_m * v - 0.5f;
-    const Floats column = floor(x), row = floor(y);
-    constexpr int shift = 5, mask = SurfaceTiles::side - 1;
-    static_assert(SurfaceTiles::side == 1 << shift);
-    const Ints i = to_ints(column), j = to_ints(row);
-    alignas(64) std::int32_t tile_x[count], tile_y[count], place[count];
-    store(tile_x, i >> shift);
-    store(tile_y, j >> shift);
-    store(place, (j & mask) * SurfaceTiles::stride + (i & mask));
-    alignas(64) std::int32_t upper[count], lower[count];
-    const std::int16_t* values = nullptr;
-    for (int k = 0; k < count; ++k) {
-      if (k == 0 || tile_x[k] != tile_x[k - 1] || tile_y[k] != tile_y[k - 1]) {
-        values = values_of({material, level, tile_x[k], tile_y[k]});
-      }
-      std::memcpy(&upper[k], values + place[k], 4);
-      std::memcpy(&lower[k], values + place[k] + SurfaceTiles::stride, 4);
-    }
-    Ints up, low;
-    std::memcpy(&up, upper, sizeof up);
-    std::memcpy(&low, lower, sizeof low);
-    const Floats tx = x - column, ty = y - row;
-    const Floats a = to_floats((up << 16) >> 16), b = to_floats(up >> 16);
-    const Floats c = to_floats((low << 16) >> 16), d = to_floats(low >> 16);
-    const Floats near = a + tx * (b - a), far = c + tx * (d - c);
-    return tile_unit * (near + ty * (far - near));
-  }
-
- private:
-  static constexpr std::uint32_t near_count = 1024;
-
-  PILOTAGE_INLINE const std::int16_t* values_of(const SurfaceTiles::Key& key) {
-    const std::uint32_t slot =
-        (static_cast<std::uint32_t>(key.x) + 31 * static_cast<std::uint32_t>(key.y) +
-         331 * static_cast<std::uint32_t>(key.level) +
-         577 * static_cast<std::uint32_t>(key.material)) %
-        near_count;
-    const SurfaceTiles::Tile* tile = near_[slot];
-    if (!tile || tile->key != key) near_[slot] = tile = find_or_fill(key);
-    return tile->values.data();
-  }
-
-  __attribute__((noinline)) const SurfaceTiles::Tile* find_or_fill(const SurfaceTiles::Key& key) {
-    if (const SurfaceTiles::Tile* tile = tiles_.find(key)) return tile;
-    auto made = std::make_unique<SurfaceTiles::Tile>();
-    made->key = key;
-    made->last_view = tiles_.view();
-    fill_tile(scene_, *made);
-    if (const SurfaceTiles::Tile* kept = tiles_.keep(made)) return kept;
-    own_.push_back(std::move(made));
-    return own_.back().get();
-  }
-
-  const Scene& scene_;
-  SurfaceTiles& tiles_;
-  std::array<const SurfaceTiles::Tile*, near_count> near_{};
-  std::vector<std::unique_ptr<SurfaceTiles::Tile>> own_;  ///< for which there was no room
-};
-
-/// Layers of a material averaged over the footprint that the lane `typical` sees, which stands for
-/// the group: neighbours in a row see nearly the same. Along the footprint's longer axis up to
-/// `most_probes` are taken, from tiles that are as fine as the shorter axis.
-PILOTAGE_INLINE Floats layers_at(SurfaceReader& reader, int material, const MaterialDetail& detail,
-                                 const Floats& u, const Floats& v, const Footprint& f, int typical,
-                                 int most_probes) {
-  const float u_x = f.u_x[typical], v_x = f.v_x[typical];
-  const float u_y = f.u_y[typical], v_y = f.v_y[typical];
-  const float length_x = std::hypot(u_x, v_x), length_y = std::hypot(u_y, v_y);
-  const float longer = std::max({length_x, length_y, 1e-9f});
-  const float shorter = std::max(std::abs(u_x * v_y - v_x * u_y) / longer, longer * 1e-3f);
-  // No more probes than the finest layer has texels along the footprint.
-  const float finest = std::max(shorter, detail.finest_m);
-  const int probes =
-      std::clamp(static_cast<int>(std::ceil(longer / finest - 0.25f)), 1, most_probes);
-  const float share = 1.0f / static_cast<float>(probes);
-  const float level =
-      std::clamp(std::log2(std::max(shorter, share * longer)) - static_cast<float>(finest_exponent),
-                 0.0f, static_cast<float>(levels) - 1.001f);
-  const int finer = static_cast<int>(level);
-  if (finer >= detail.flat_from) return splat(0);
-  // One level alone over most of its range costs half, and the step between two stays out of sight.
-  const float part = std::clamp(2 * (level - static_cast<float>(finer)) - 0.5f, 0.0f, 1.0f);
-  const float step_u = share * (length_x > length_y ? u_x : u_y);
-  const float step_v = share * (length_x > length_y ? v_x : v_y);
-  Floats sum = splat(0);
-  for (int probe = 0; probe < probes; ++probe) {
-    const float along = static_cast<float>(probe) - 0.5f * static_cast<float>(probes - 1);
-    const Floats at_u = u + along * step_u, at_v = v + along * step_v;
-    if (part < 1) sum += (1 - part) * reader.read(material, finer, at_u, at_v);
-    if (part > 0) sum += part * reader.read(material, finer + 1, at_u, at_v);
-  }
-  return share * sum;
 }
 
 /// Which of the two kinds of squares (u, v) falls on; 0 without squares.
