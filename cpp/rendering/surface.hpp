@@ -57,6 +57,15 @@ PILOTAGE_INLINE void find_corners(const Floats& u, const Floats& v, float per_ce
   corners[2] = {mix(i + other, j + one, seed), is_upper ? 1.0f - fx : fx};
 }
 
+/// Bilinear values between two neighbours, the halves of each word of `up`, and the two below them.
+PILOTAGE_INLINE Floats interpolate(const Ints& up, const Ints& low, const Floats& tx,
+                                   const Floats& ty) {
+  const Floats a = to_floats((up << 16) >> 16), b = to_floats(up >> 16);
+  const Floats c = to_floats((low << 16) >> 16), d = to_floats(low >> 16);
+  const Floats near = a + tx * (b - a), far = c + tx * (d - c);
+  return near + ty * (far - near);
+}
+
 /// Bilinear values of one of the exemplar's copies at texels that may lie anywhere: it wraps.
 PILOTAGE_INLINE Floats fetch(const Exemplar::Level& level, const Floats& x, const Floats& y) {
   const Floats column = floor(x), row = floor(y);
@@ -75,11 +84,7 @@ PILOTAGE_INLINE Floats fetch(const Exemplar::Level& level, const Floats& x, cons
   Ints up, low;
   std::memcpy(&up, upper, sizeof up);
   std::memcpy(&low, lower, sizeof low);
-  const Floats tx = x - column, ty = y - row;
-  const Floats a = to_floats((up << 16) >> 16), b = to_floats(up >> 16);
-  const Floats c = to_floats((low << 16) >> 16), d = to_floats(low >> 16);
-  const Floats near = a + tx * (b - a), far = c + tx * (d - c);
-  return near + ty * (far - near);
+  return interpolate(up, low, x - column, y - row);
 }
 
 /// The three corners' parts of one of the exemplar's copies, blended.

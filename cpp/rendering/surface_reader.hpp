@@ -47,11 +47,7 @@ class SurfaceReader {
     Ints up, low;
     std::memcpy(&up, upper, sizeof up);
     std::memcpy(&low, lower, sizeof low);
-    const Floats tx = x - column, ty = y - row;
-    const Floats a = to_floats((up << 16) >> 16), b = to_floats(up >> 16);
-    const Floats c = to_floats((low << 16) >> 16), d = to_floats(low >> 16);
-    const Floats near = a + tx * (b - a), far = c + tx * (d - c);
-    return tile_unit * (near + ty * (far - near));
+    return tile_unit * interpolate(up, low, x - column, y - row);
   }
 
  private:
