@@ -86,10 +86,11 @@ class Tracked:
 def track(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> Tracked:
     """Drive and track every pair that comes."""
     simulation, robot = simulation_of(plan), robot_model(ROBOT)
-    rig = robot.stereo_rig(simulation, PAIR, width)
+    sensor = read_sensor(camera)
+    rig = robot.stereo_rig(simulation, PAIR, width, sensor.readout_s)
     left, right = robot.pairs[PAIR]
     cameras = {left: rig.left, right: rig.right}
-    group = CameraGroup(simulation, cameras, read_sensor(camera), seed=plan.seed)
+    group = CameraGroup(simulation, cameras, sensor, seed=plan.seed)
     odometry, truth, tracking_s, tries = StereoOdometry(rig=rig), [], 0.0, 0
     way = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s)
     for now_ns in way:

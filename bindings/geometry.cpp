@@ -234,18 +234,22 @@ void bind_rig(nb::module_& m) {
       .def(
           "__init__",
           [](StereoRig* self, const Camera& left, const Camera& right,
-             const Transform& right_from_left, const std::optional<Transform>& robot_from_left) {
-            const StereoRig rig{left, right, right_from_left, robot_from_left};
+             const Transform& right_from_left, const std::optional<Transform>& robot_from_left,
+             double readout_s) {
+            const StereoRig rig{left, right, right_from_left, robot_from_left, readout_s};
             rig.validate();
             new (self) StereoRig(rig);
           },
           nb::kw_only(), "left"_a, "right"_a, "right_from_left"_a,
-          "robot_from_left"_a.none() = nb::none())
+          "robot_from_left"_a.none() = nb::none(), "readout_s"_a = 0.0)
       .def_ro("left", &StereoRig::left)
       .def_ro("right", &StereoRig::right)
       .def_ro("right_from_left", &StereoRig::right_from_left)
       .def_ro("robot_from_left", &StereoRig::robot_from_left,
               "Where the left camera sits on the robot, or None.")
+      .def_ro("readout_s", &StereoRig::readout_s,
+              "Rolling shutter: how much later (s) the last row is exposed than the first, in both "
+              "cameras; a pair's time is that of its middle row. 0: all rows at once.")
       .def_prop_ro("baseline_m", &StereoRig::baseline_m)
       .def("validate", &StereoRig::validate, "ValueError naming the value that is wrong.");
 }

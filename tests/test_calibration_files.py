@@ -157,10 +157,11 @@ def test_own_style_round_trips_exactly(tmp_path: Path) -> None:
     rig = StereoRig(
         left=first.left, right=first.right,
         right_from_left=Transform.from_matrix(right_from_left()),
-        robot_from_left=Transform(translation_m=[1 / 3, 0.2, 0.7]),
+        robot_from_left=Transform(translation_m=[1 / 3, 0.2, 0.7]), readout_s=0.1 / 7,
     )  # fmt: skip
     save_rig(rig, tmp_path / "again.yaml")
     again = load_rig(tmp_path / "again.yaml")
+    assert again.readout_s == rig.readout_s
     for camera, wanted in ((again.left, rig.left), (again.right, rig.right)):
         for key in ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "distortion"):
             assert getattr(camera, key) == getattr(wanted, key)
@@ -215,6 +216,7 @@ def test_every_pose_round_trips_exactly(tmp_path: Path) -> None:
             ["left_from_right", "unknown key", "right_from_left"],
         ),
         ("left:", "left: {}\nleft:", ["left", "twice"]),
+        ("left:", "readout_s: 16\nleft:", ["readout_s", "16", "0.2"]),
     ],
 )
 def test_wrong_values_are_named(old: str, new: str, words: list[str], tmp_path: Path) -> None:

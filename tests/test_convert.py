@@ -50,6 +50,7 @@ def assert_same(first: Recording, second: Recording, *, rig_atol: float, truth_a
     for side in ("left", "right"):
         cameras = getattr(first.rig, side), getattr(second.rig, side)
         assert camera_numbers(cameras[0]) == camera_numbers(cameras[1])
+    assert first.rig.readout_s == second.rig.readout_s
     places = numbers(first.rig.right_from_left), numbers(second.rig.right_from_left)
     np.testing.assert_allclose(places[0], places[1], rtol=0, atol=rig_atol)
     truth, again = first.truth(), second.truth()
@@ -106,6 +107,15 @@ def test_every_lens_and_the_robot_survive(lens: str, to: str, tmp_path: Path) ->
         assert numbers(again.rig.robot_from_left) == numbers(source.rig.robot_from_left)
     else:
         assert "robot" in done.notes[0]
+
+
+def test_kitti_leaves_the_rolling_shutter_out_and_says_so(tmp_path: Path) -> None:
+    write_recording(tmp_path / "a.mcap", make_rig(1, lens="none"), 3)
+    source = open_recording(tmp_path / "a.mcap")
+    assert source.rig.readout_s > 0
+    done = convert(source, tmp_path / "kitti", "kitti")
+    assert open_recording(tmp_path / "kitti").rig.readout_s == 0
+    assert any("rolling shutter" in note for note in done.notes)
 
 
 def test_kitti_gets_rectified_pairs(small_euroc: SyntheticRecording, tmp_path: Path) -> None:

@@ -53,6 +53,7 @@ def make_rig(seed: int, *, lens: str = "brown", with_robot: bool = True) -> Ster
             quaternion_wxyz=turn.quaternion_wxyz.tolist(),
         ),
         robot_from_left=sits if with_robot else None,
+        readout_s=rng.uniform(0.001, 0.03) if seed % 2 else 0.0,
     )
 
 
@@ -115,6 +116,7 @@ def test_calibration_comes_back_to_the_last_bit(lens: str, seed: int, tmp_path: 
     assert numbers(read.right_from_left) == numbers(rig.right_from_left)
     assert camera_numbers(read.left) == camera_numbers(rig.left)
     assert camera_numbers(read.right) == camera_numbers(rig.right)
+    assert read.readout_s == rig.readout_s
     if seed % 2:
         assert numbers(read.robot_from_left) == numbers(rig.robot_from_left)
     else:

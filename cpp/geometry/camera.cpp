@@ -233,6 +233,7 @@ void StereoRig::validate() const {
   }
   require_rigid("right_from_left", right_from_left);
   if (robot_from_left) require_rigid("robot_from_left", *robot_from_left);
+  if (!(readout_s >= 0 && readout_s <= 0.2)) refuse("readout_s", readout_s, "0 to 0.2");
   if (!(baseline_m() > 0)) refuse("baseline_m", baseline_m(), "positive");
   const double x = right_from_left.translation.x();
   // Within 45 degrees of the picture's rows; else the pair is not side by side.

@@ -45,6 +45,9 @@ struct StereoRig {
   Transform right_from_left;
   /// Where the left camera sits on the robot, if the rig says so.
   std::optional<Transform> robot_from_left;
+  /// Rolling shutter: how much later the last row is exposed than the first, in both cameras; a
+  /// pair's time is then that of its middle row. 0: all rows at once.
+  double readout_s = 0;
 
   double baseline_m() const { return right_from_left.translation.norm(); }
   /// Throws std::invalid_argument that names the value: a bad camera, unequal pictures, no

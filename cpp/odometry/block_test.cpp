@@ -15,8 +15,8 @@ Landmark make_point(int i) {
   landmark.point_in_world = {0, 0, static_cast<double>(i)};
   landmark.grey = static_cast<std::uint8_t>(i % 251);
   const auto x = static_cast<float>(i);
-  landmark.sightings = {{i / 100, {x, 1}, x - 1, 0.1F, 0.1F},
-                        {i / 100 + 1, {x, 2}, x - 1, 0.1F, 0.1F}};
+  landmark.sightings = {{i / 100, {x, 1}, {x, 1}, x - 1, 0.1F, 0.1F},
+                        {i / 100 + 1, {x, 2}, {x, 2}, x - 1, 0.1F, 0.1F}};
   return landmark;
 }
 

@@ -14,6 +14,9 @@ constexpr double tolerated_y_parallax_px = 0.7;
 constexpr double significance = 3.0;
 /// An offset known no better than this is not known.
 constexpr double observable_sigma_px = 0.15;
+/// Nor is it used. Looking down on nearly flat ground height and offset are hard to tell apart, and
+/// what matching does wrong on slopes is then taken for an offset: 0.3 px, twice its sigma.
+constexpr double usable_sigma_px = 0.1;
 /// What keeps the windows' standard errors honest: their model is not perfect either.
 constexpr double model_sigma_px = 0.05;
 constexpr int min_rows = 100;
@@ -22,7 +25,7 @@ constexpr int min_rows = 100;
 
 double shrink(double offset_px, double sigma_px, double prior_sigma_px) {
   const double prior = prior_sigma_px * prior_sigma_px;
-  return prior > 0 ? offset_px * prior / (prior + sigma_px * sigma_px) : 0.0;
+  return prior > 0 && sigma_px < usable_sigma_px ? offset_px * prior / (prior + sigma_px * sigma_px) : 0.0;
 }
 
 void CalibrationMonitor::add_window(BundleProblem problem, bool is_preliminary) {
@@ -76,7 +79,9 @@ double CalibrationMonitor::right_x_offset_px() const {
 
 double CalibrationMonitor::right_x_offset_sigma_px() const {
   const double prior = config_.right_x_offset_prior_px;
-  return prior > 0 ? 1 / std::sqrt(1 / (prior * prior) + weight_) : 0;
+  if (!(prior > 0)) return 0;
+  const bool is_used = weight_ * usable_sigma_px * usable_sigma_px > 1;
+  return is_used ? 1 / std::sqrt(1 / (prior * prior) + weight_) : prior;
 }
 
 CalibrationCheck CalibrationMonitor::check() const {

@@ -48,7 +48,7 @@ class CalibrationMonitor {
   int row_count_ = 0;
 };
 
-/// Offset under a Gaussian prior around zero.
+/// Offset under a Gaussian prior around zero; zero where it is too uncertain to be used.
 double shrink(double offset_px, double sigma_px, double prior_sigma_px);
 
 }  // namespace pilotage

@@ -39,9 +39,9 @@ std::vector<Landmark> StereoOdometry::add_sightings(const Keyframe& keyframe,
     if (!tracked.step.inlier[i]) continue;
     const Match& m = tracked.matches[i];
     Landmark& landmark = window_.landmarks()[m.landmark];
-    const Sighting sighting{keyframe.serial, m.left_px, m.right_x_px, m.left_sigma_px,
-                            m.right_sigma_px};
-    occupied.push_back(m.left_px);
+    const Sighting sighting{keyframe.serial, m.seen_px,       m.left_px,
+                            m.right_x_px,    m.left_sigma_px, m.right_sigma_px};
+    occupied.push_back(m.seen_px);
     if (landmark.host != leaving) {
       landmark.sightings.push_back(sighting);
       continue;
@@ -50,7 +50,7 @@ std::vector<Landmark> StereoOdometry::add_sightings(const Keyframe& keyframe,
     // have had, or it would count twice.
     Landmark& again = rehosted.emplace_back(landmark);
     again.host = keyframe.serial;
-    again.host_px = m.left_px;
+    again.host_px = m.seen_px;
     again.sightings = {sighting};
     again.seen_patch.reset();
   }

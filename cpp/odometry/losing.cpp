@@ -32,14 +32,13 @@ OdometryResult StereoOdometry::refuse(const Tracked& tracked, std::int64_t times
   return result;
 }
 
-OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& tracked,
-                                    std::int64_t timestamp_ns) {
-  const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
+OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& tracked) {
+  const double gap_s = 1e-9 * static_cast<double>(pair.timestamp_ns - previous_timestamp_ns_);
   if (gap_s > config_.restart_after_s) {
     window_.clear(block_);
-    return start(pair, timestamp_ns);
+    return start(pair);
   }
-  return refuse(tracked, timestamp_ns,
+  return refuse(tracked, pair.timestamp_ns,
                 explain_few_points(describe_picture(*pair.left), usual_sharpness_));
 }
 

@@ -47,9 +47,14 @@ Landmark make_landmark(const PyramidPair& pair, const Keyframe& keyframe,
       pair.left->level(0).at(static_cast<int>(left_px.x()), static_cast<int>(left_px.y()));
   const double disparity = stereo.disparity(left_px.x(), right_x_px);
   const double depth = disparity > 0 ? stereo.depth_m(disparity) : config.max_depth_m;
-  landmark.point_in_world = keyframe.world_from_left * (stereo.ray(left_px.cast<double>()) *
-                                                        std::min(depth, config.max_depth_m));
-  landmark.sightings.push_back({keyframe.serial, left_px, right_x_px,
+  const RowMotion::Pixels middle =
+      pair.rows.at_middle(stereo, {left_px, right_x_px}, std::min(depth, config.max_depth_m));
+  const double middle_disparity = stereo.disparity(middle.left_px.x(), middle.right_x_px);
+  const double middle_depth =
+      middle_disparity > 0 ? stereo.depth_m(middle_disparity) : config.max_depth_m;
+  landmark.point_in_world = keyframe.world_from_left * (stereo.ray(middle.left_px.cast<double>()) *
+                                                        std::min(middle_depth, config.max_depth_m));
+  landmark.sightings.push_back({keyframe.serial, left_px, middle.left_px, middle.right_x_px,
                                 static_cast<float>(config.measurement_sigma_px), right_sigma_px});
   return landmark;
 }

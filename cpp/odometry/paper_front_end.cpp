@@ -102,10 +102,10 @@ void PaperFrontEnd::describe_landmarks(const Window& window) {
     for (std::size_t i = 0; i < landmarks.size(); ++i) {
       const Sighting& newest = landmarks[i].sightings.back();
       if (newest.keyframe != keyframe.serial || landmarks[i].misses >= max_misses) continue;
-      if (looks_[i].keyframe == newest.keyframe && looks_[i].px == newest.left_px) continue;
-      looks_[i] = {newest.keyframe, newest.left_px};
+      if (looks_[i].keyframe == newest.keyframe && looks_[i].px == newest.seen_px) continue;
+      looks_[i] = {newest.keyframe, newest.seen_px};
       index.push_back(i);
-      px.push_back(newest.left_px);
+      px.push_back(newest.seen_px);
     }
     if (px.empty()) continue;
     describer_.describe(keyframe.left->level(0), px, {}, described);
@@ -114,7 +114,8 @@ void PaperFrontEnd::describe_landmarks(const Window& window) {
 }
 
 std::vector<DescriptorMatch> PaperFrontEnd::match_landmarks(
-    const Window& window, const RectifiedStereo& stereo, const Transform& left_from_world) const {
+    const Window& window, const PyramidPair& pair, const RectifiedStereo& stereo,
+    const Transform& left_from_world) const {
   const std::vector<Landmark>& landmarks = window.landmarks();
   const Transform last_from_left =
       window.keyframes().back().world_from_left.inverse() * left_from_world.inverse();
@@ -125,7 +126,7 @@ std::vector<DescriptorMatch> PaperFrontEnd::match_landmarks(
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     const Eigen::Vector3d point = left_from_world * landmarks[i].point_in_world;
     if (landmarks[i].misses >= max_misses || point.z() < 0.05) continue;
-    predicted[i] = stereo.project_left(point).cast<float>();
+    predicted[i] = pair.rows.project(stereo, point).cast<float>();
     const double parallax_px = stereo.focal_px * step_m / point.z();
     radius[i] = static_cast<float>(std::min(max_window_px, window_px + motion_error * parallax_px));
     wide[i] = static_cast<float>(poor_prediction * stereo.width_px) + 2 * radius[i];
@@ -147,7 +148,7 @@ bool PaperFrontEnd::refine(const Window& window, const DescriptorMatch& found,
   const SubpixelMatch fine = refine_match(window.keyframe(look.keyframe).left->level(0), look.px,
                                           pair_.left->level(0), left_.px[found.b], refinement());
   if (!fine.ok || fine.correlation < config_.min_correlation) return false;
-  match.left_px = fine.position_px;
+  match.seen_px = fine.position_px;
   match.correlation = fine.correlation;
   // From look to look a point wanders off the place it began at: errors add up.
   const Landmark& landmark = window.landmarks()[found.a];
@@ -184,12 +185,14 @@ std::vector<Match> PaperFrontEnd::find(const Window& window, const PyramidPair& 
   describe_landmarks(window);
   const Transform left_from_world = predicted_world_from_left.inverse();
   std::vector<Match> matches;
-  for (const DescriptorMatch& found : match_landmarks(window, stereo, left_from_world)) {
+  for (const DescriptorMatch& found : match_landmarks(window, pair, stereo, left_from_world)) {
     Match match;
     match.landmark = found.a;
     if (!refine(window, found, left_from_world, match)) continue;
-    const RightPoint right = right_of(found.b, match.left_px);
-    match.right_x_px = right.x_px;
+    const RightPoint right = right_of(found.b, match.seen_px);
+    const Eigen::Vector3d point =
+        left_from_world * window.landmarks()[match.landmark].point_in_world;
+    place_at_middle(pair, stereo, right.x_px, point.z(), match);
     match.right_sigma_px = right.sigma_px;
     matches.push_back(match);
   }

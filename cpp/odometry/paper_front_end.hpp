@@ -47,7 +47,8 @@ class PaperFrontEnd {
   void take(const PyramidPair& pair, const RectifiedStereo& stereo);
   void find_points(const ImageView& image, Points& points);
   void describe_landmarks(const Window& window);
-  std::vector<DescriptorMatch> match_landmarks(const Window& window, const RectifiedStereo& stereo,
+  std::vector<DescriptorMatch> match_landmarks(const Window& window, const PyramidPair& pair,
+                                               const RectifiedStereo& stereo,
                                                const Transform& left_from_world) const;
   bool refine(const Window& window, const DescriptorMatch& found, const Transform& left_from_world,
               Match& match) const;

@@ -28,7 +28,7 @@ class Wall {
   /// What a pair sees whose left camera stands at `place_m`, its axes along the world's.
   PyramidPair render(const RectifiedStereo& stereo, const Eigen::Vector3d& place_m) const {
     const Eigen::Vector3d right_m = place_m + Eigen::Vector3d(stereo.baseline_m, 0, 0);
-    PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>()};
+    PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>(), 0, {}};
     pair.left->build(render_one(stereo, place_m).view(), 2);
     pair.right->build(render_one(stereo, right_m).view(), 2);
     return pair;
@@ -154,7 +154,7 @@ BOOST_AUTO_TEST_CASE(finds_nothing_in_an_empty_picture) {
   Scene scene;
   Image grey(scene.stereo.width_px, scene.stereo.height_px);
   std::fill_n(grey.row(0), grey.stride() * grey.height(), std::uint8_t{90});
-  PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>()};
+  PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>(), 0, {}};
   pair.left->build(grey.view(), 2);
   pair.right->build(grey.view(), 2);
   BOOST_TEST(scene.front_end.find(scene.window, pair, scene.stereo, {}).empty());

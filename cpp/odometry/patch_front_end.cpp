@@ -95,7 +95,7 @@ bool find_in_left(Landmark& landmark, const Keyframe& host, const Pyramid& left,
   if (!found.converged || found.correlation < config.min_correlation) return false;
   match.left_sigma_px = match_sigma(shift_sigma_px(*patch, found.noise_grey), config);
   match.correlation = found.correlation;
-  match.left_px = found.pixel;
+  match.seen_px = found.pixel;
   return true;
 }
 
@@ -134,7 +134,7 @@ std::vector<Match> track_patches(Window& window, const std::vector<int>& landmar
     const Eigen::Vector3d point = left_from_world * landmark.point_in_world;
     const double host_depth = (host.world_from_left.inverse() * landmark.point_in_world).z();
     if (point.z() < 0.05 || host_depth < 0.05) continue;
-    const Eigen::Vector2f predicted = stereo.project_left(point).cast<float>();
+    const Eigen::Vector2f predicted = pair.rows.project(stereo, point).cast<float>();
     const Eigen::Matrix2f warp = host_from_current_warp(
         stereo, landmark, left_from_world * host.world_from_left, host_depth);
     Match match;
@@ -144,8 +144,9 @@ std::vector<Match> track_patches(Window& window, const std::vector<int>& landmar
     }
     const float predicted_disparity = static_cast<float>(
         stereo.focal_px * stereo.baseline_m / point.z() + (stereo.cx_px - stereo.cx_right_px));
-    match.right_x_px = match_right(pair, match.left_px, match.left_px.x() - predicted_disparity,
-                                   config, match.right_sigma_px);
+    const float right_x_px = match_right(
+        pair, match.seen_px, match.seen_px.x() - predicted_disparity, config, match.right_sigma_px);
+    place_at_middle(pair, stereo, right_x_px, point.z(), match);
     matches.push_back(match);
   }
   return matches;

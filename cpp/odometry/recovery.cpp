@@ -43,7 +43,10 @@ void Recovery::describe_reference(bool is_oriented) {
     if (std::isnan(right_x[i])) continue;
     const Eigen::Vector2f px = all.points_px[i];
     if (stereo_.disparity(px.x(), right_x[i]) < min_disparity_px) continue;
-    const auto point = intersect_stereo(stereo_, px.cast<double>(), right_x[i], sigma_px, sigma_px);
+    const double depth_m = stereo_.depth_m(stereo_.disparity(px.x(), right_x[i]));
+    const RowMotion::Pixels middle = reference_.rows.at_middle(stereo_, {px, right_x[i]}, depth_m);
+    const auto point = intersect_stereo(stereo_, middle.left_px.cast<double>(), middle.right_x_px,
+                                        sigma_px, sigma_px);
     if (!point) continue;
     described.features.points_px.push_back(px);
     described.features.descriptors.push_back(all.descriptors[i]);

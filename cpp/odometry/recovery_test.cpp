@@ -11,7 +11,7 @@ namespace {
 constexpr RectifiedStereo stereo{400, 260, 300, 199.5, 129.5, 199.5, 0.2};
 
 PyramidPair view(const SyntheticWall& wall, const Transform& world_from_left, unsigned seed) {
-  PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>()};
+  PyramidPair pair{std::make_shared<Pyramid>(), std::make_shared<Pyramid>(), 0, {}};
   pair.left->build(wall.left(stereo, world_from_left, seed).view(), 4);
   pair.right->build(wall.right(stereo, world_from_left, seed + 1).view(), 2);
   return pair;

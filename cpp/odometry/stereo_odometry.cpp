@@ -57,6 +57,7 @@ StereoOdometry::StereoOdometry(const StereoRig& rig, const OdometryConfig& confi
   if (config.front_end == FrontEnd::paper) {
     paper_ = std::make_unique<PaperFrontEnd>(stereo_, config);
   }
+  if (rig.readout_s > 0) row_clock_ = std::make_shared<RowClock>(rig, rectifier_);
   robot_from_rectified_ = rig.robot_from_left.value_or(Transform{}) * left_from_rectified;
 }
 
@@ -66,16 +67,17 @@ OdometryResult StereoOdometry::track(const ImageView& left, const ImageView& rig
   check_size(left, rectifier_.stereo(), "left");
   check_size(right, rectifier_.stereo(), "right");
   // 1. Rectify; halve.
-  const PyramidPair pair = prepare(left, right);
+  PyramidPair pair = prepare(left, right, timestamp_ns);
   // 2-4. Homologous points, under a motion prior. 5, 6. Blunders, resection.
-  Tracked tracked = find_pose(pair, timestamp_ns);
+  Tracked tracked = find_pose(pair);
   if (tracked.step.quality != PoseQuality::tracking || right_disagrees(tracked)) {
-    const Reason fault = examine(pair, prepare(right, left), tracked);
+    const Reason fault = examine(pair, prepare(right, left, timestamp_ns), tracked);
     if (fault != Reason::none) return refuse(tracked, timestamp_ns, fault);
   }
-  if (window_.empty()) return start(pair, timestamp_ns);
+  if (window_.empty()) return start(pair);
   note_matches(tracked);
-  if (tracked.step.quality == PoseQuality::lost) return lose(pair, tracked, timestamp_ns);
+  if (tracked.step.quality == PoseQuality::lost) return lose(pair, tracked);
+  pair.rows = row_motion(pair, tracked.step.world_from_left);
   // 7. Adjustment of the window.
   const bool is_keyframe = needs_keyframe(tracked);
   if (is_keyframe) {
@@ -85,7 +87,7 @@ OdometryResult StereoOdometry::track(const ImageView& left, const ImageView& rig
     ++pairs_since_keyframe_;
   }
   note_motion(tracked.step.world_from_left, timestamp_ns);
-  remember(pair, tracked.step.world_from_left, timestamp_ns);
+  remember(pair, tracked.step.world_from_left);
   // 8. Pose, covariance, status and reason.
   return report(tracked, is_keyframe, timestamp_ns);
 }
@@ -114,7 +116,8 @@ std::shared_ptr<Pyramid> StereoOdometry::spare_pyramid() {
   return pyramids_.emplace_back(std::make_shared<Pyramid>());
 }
 
-PyramidPair StereoOdometry::prepare(const ImageView& left, const ImageView& right) {
+PyramidPair StereoOdometry::prepare(const ImageView& left, const ImageView& right,
+                                    std::int64_t timestamp_ns) {
   const auto build = [&](const ImageView& picture, Side side, int levels) {
     std::shared_ptr<Pyramid> pyramid = spare_pyramid();
     if (rectifier_.is_identity()) {
@@ -128,10 +131,12 @@ PyramidPair StereoOdometry::prepare(const ImageView& left, const ImageView& righ
   PyramidPair pair;
   pair.left = build(left, Side::left, left_levels);
   pair.right = build(right, Side::right, right_levels);
+  pair.timestamp_ns = timestamp_ns;
   return pair;
 }
 
-OdometryResult StereoOdometry::start(const PyramidPair& pair, std::int64_t timestamp_ns) {
+OdometryResult StereoOdometry::start(PyramidPair pair) {
+  pair.rows = {};  // how the camera moves is not known yet
   Tracked tracked;
   tracked.step.world_from_left = previous_world_from_left_;
   block_.start_segment(next_keyframe_);
@@ -139,17 +144,17 @@ OdometryResult StereoOdometry::start(const PyramidPair& pair, std::int64_t times
   tracked.step.inliers = static_cast<int>(window_.landmarks().size());
   if (tracked.step.inliers < config_.min_inliers) {
     window_.clear(block_);
-    return record_lost(timestamp_ns,
+    return record_lost(pair.timestamp_ns,
                        explain_few_points(describe_picture(*pair.left), usual_sharpness_));
   }
   tracked.step.quality = PoseQuality::tracking;
   // Nothing here was seen before: the path goes on where it ended, with as little trust as there is
   // knowledge of the way between.
-  const float unseen_m = previous_.left ? gap_sigma_m(timestamp_ns) : 0;
+  const float unseen_m = previous_.left ? gap_sigma_m(pair.timestamp_ns) : 0;
   if (unseen_m > 0) ++segment_;
   motion_s_ = 0;
-  remember(pair, tracked.step.world_from_left, timestamp_ns);
-  return report(tracked, true, timestamp_ns, unseen_m);
+  remember(pair, tracked.step.world_from_left);
+  return report(tracked, true, pair.timestamp_ns, unseen_m);
 }
 
 /// How far the rig may have gone since the last pose: as fast as before, or as small robots go.
@@ -160,11 +165,10 @@ float StereoOdometry::gap_sigma_m(std::int64_t timestamp_ns) const {
   return static_cast<float>(std::max(1.0, speed_m_s) * gap_s);
 }
 
-StereoOdometry::Tracked StereoOdometry::find_pose(const PyramidPair& pair,
-                                                  std::int64_t timestamp_ns) {
+StereoOdometry::Tracked StereoOdometry::find_pose(PyramidPair& pair) {
   Tracked tracked;
   if (window_.empty()) return tracked;
-  if (lost_pairs_ == 0) tracked = follow(pair, predict(pair, timestamp_ns));
+  if (lost_pairs_ == 0) tracked = follow(pair, predict(pair));
   // A few points that agree after a wide step may agree by chance.
   const auto is_sparse = [&] { return tracked.step.inliers < sparse_share * points_at_keyframe_; };
   if (tracked.step.quality != PoseQuality::tracking || is_sparse()) {
@@ -177,8 +181,8 @@ StereoOdometry::Tracked StereoOdometry::find_pose(const PyramidPair& pair,
   return tracked;
 }
 
-Transform StereoOdometry::predict(const PyramidPair& pair, std::int64_t timestamp_ns) const {
-  const double elapsed_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
+Transform StereoOdometry::predict(const PyramidPair& pair) const {
+  const double elapsed_s = 1e-9 * static_cast<double>(pair.timestamp_ns - previous_timestamp_ns_);
   const Transform current_from_previous =
       motion_s_ > 0 ? part_of(before_from_previous_, elapsed_s / motion_s_).inverse() : Transform{};
   const PoseAlignment aligned = align_pose(*previous_.left, *pair.left, stereo_, previous_points_,
@@ -186,10 +190,18 @@ Transform StereoOdometry::predict(const PyramidPair& pair, std::int64_t timestam
   return previous_world_from_left_ * aligned.current_from_previous.inverse();
 }
 
-StereoOdometry::Tracked StereoOdometry::follow(const PyramidPair& pair,
-                                               const Transform& predicted) {
-  Tracked tracked;
+/// How the camera moved while the rows of this pair were read, if it is there now.
+RowMotion StereoOdometry::row_motion(const PyramidPair& pair,
+                                     const Transform& world_from_left) const {
+  if (!row_clock_ || !previous_.left) return {};
+  const double elapsed_s = 1e-9 * static_cast<double>(pair.timestamp_ns - previous_timestamp_ns_);
+  return {row_clock_, previous_world_from_left_.inverse() * world_from_left, elapsed_s};
+}
+
+StereoOdometry::Tracked StereoOdometry::follow(PyramidPair& pair, const Transform& predicted) {
+  pair.rows = row_motion(pair, predicted);
   if (paper_) {
+    Tracked tracked;
     tracked.matches = paper_->find(window_, pair, stereo_, predicted);
     tracked.step = solve_pose(window_, tracked.matches, stereo_, predicted, config_);
     return tracked;
@@ -201,25 +213,32 @@ StereoOdometry::Tracked StereoOdometry::follow(const PyramidPair& pair,
   const std::vector<Match> found =
       track_patches(window_, probed, pair, stereo_, predicted, 1, config_);
   // Half of the probes found: the prediction was good, and is better after them.
-  const bool is_good = 2 * found.size() >= probed.size();
-  const auto track = [&](const Transform& world_from_left, int coarse_level) {
-    Tracked seen;
-    seen.matches =
-        track_patches(window_, landmarks, pair, stereo_, world_from_left, coarse_level, config_);
-    seen.step = solve_pose(window_, seen.matches, stereo_, world_from_left, config_);
-    return seen;
-  };
-  if (is_good) return track(refine_prediction(window_, found, stereo_, predicted, config_), 0);
-  tracked = track(predicted, coarsest_level);
+  if (2 * found.size() >= probed.size()) {
+    const Transform refined = refine_prediction(window_, found, stereo_, predicted, config_);
+    return follow_patches(pair, refined, landmarks, 0);
+  }
+  Tracked tracked = follow_patches(pair, predicted, landmarks, coarsest_level);
   // Seen from nearer the right place, patches look right, and more of them are found.
   for (int level = coarsest_level; level > 0 && tracked.step.quality != PoseQuality::lost;) {
-    Tracked again = track(tracked.step.world_from_left, --level);
+    Tracked again = follow_patches(pair, tracked.step.world_from_left, landmarks, --level);
     if (again.step.inliers > tracked.step.inliers) tracked = std::move(again);
   }
   return tracked;
 }
 
-StereoOdometry::Tracked StereoOdometry::recover(const PyramidPair& pair) {
+StereoOdometry::Tracked StereoOdometry::follow_patches(PyramidPair& pair,
+                                                       const Transform& world_from_left,
+                                                       const std::vector<int>& landmarks,
+                                                       int coarse_level) {
+  pair.rows = row_motion(pair, world_from_left);
+  Tracked tracked;
+  tracked.matches =
+      track_patches(window_, landmarks, pair, stereo_, world_from_left, coarse_level, config_);
+  tracked.step = solve_pose(window_, tracked.matches, stereo_, world_from_left, config_);
+  return tracked;
+}
+
+StereoOdometry::Tracked StereoOdometry::recover(PyramidPair& pair) {
   const std::optional<Recovery::Found> found = recovery_.find(pair);
   if (!found) return {};
   const Keyframe& reference = window_.keyframes().back();
@@ -255,10 +274,9 @@ void StereoOdometry::note_motion(const Transform& world_from_left, std::int64_t 
   before_from_previous_ = previous_world_from_left_.inverse() * world_from_left;
 }
 
-void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_from_left,
-                              std::int64_t timestamp_ns) {
+void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_from_left) {
   previous_world_from_left_ = world_from_left;
-  previous_timestamp_ns_ = timestamp_ns;
+  previous_timestamp_ns_ = pair.timestamp_ns;
   previous_ = pair;
   lost_pairs_ = 0;
   const float sharpness = describe_picture(*pair.left).sharpness;
@@ -270,7 +288,7 @@ void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_fr
     if (landmark.misses > 0) continue;
     const Eigen::Vector3d p = left_from_world * landmark.point_in_world;
     if (p.z() < 0.1) continue;
-    previous_points_.push_back({stereo_.project_left(p).cast<float>(), p});
+    previous_points_.push_back({pair.rows.project(stereo_, p).cast<float>(), p});
   }
 }
 

@@ -14,6 +14,7 @@
 #include "odometry/pose_step.hpp"
 #include "odometry/recovery.hpp"
 #include "odometry/result.hpp"
+#include "odometry/row_motion.hpp"
 #include "odometry/window.hpp"
 #include "tracking/harris.hpp"
 #include "tracking/pose_alignment.hpp"
@@ -64,12 +65,15 @@ class StereoOdometry {
 
   void check_time(const char* call, std::int64_t timestamp_ns) const;
   std::shared_ptr<Pyramid> spare_pyramid();
-  PyramidPair prepare(const ImageView& left, const ImageView& right);
-  OdometryResult start(const PyramidPair& pair, std::int64_t timestamp_ns);
-  Tracked find_pose(const PyramidPair& pair, std::int64_t timestamp_ns);
-  Transform predict(const PyramidPair& pair, std::int64_t timestamp_ns) const;
-  Tracked follow(const PyramidPair& pair, const Transform& predicted);
-  Tracked recover(const PyramidPair& pair);
+  PyramidPair prepare(const ImageView& left, const ImageView& right, std::int64_t timestamp_ns);
+  OdometryResult start(PyramidPair pair);
+  Tracked find_pose(PyramidPair& pair);
+  Transform predict(const PyramidPair& pair) const;
+  RowMotion row_motion(const PyramidPair& pair, const Transform& world_from_left) const;
+  Tracked follow(PyramidPair& pair, const Transform& predicted);
+  Tracked follow_patches(PyramidPair& pair, const Transform& world_from_left,
+                         const std::vector<int>& landmarks, int coarse_level);
+  Tracked recover(PyramidPair& pair);
   void note_matches(const Tracked& tracked);
   bool needs_keyframe(const Tracked& tracked) const;
   void make_keyframe(const PyramidPair& pair, const Tracked& tracked);
@@ -77,10 +81,9 @@ class StereoOdometry {
                                       std::vector<Eigen::Vector2f>& occupied);
   void adjust_window();
   void note_motion(const Transform& world_from_left, std::int64_t timestamp_ns);
-  void remember(const PyramidPair& pair, const Transform& world_from_left,
-                std::int64_t timestamp_ns);
+  void remember(const PyramidPair& pair, const Transform& world_from_left);
   OdometryResult refuse(const Tracked& tracked, std::int64_t timestamp_ns, Reason fault);
-  OdometryResult lose(const PyramidPair& pair, const Tracked& tracked, std::int64_t timestamp_ns);
+  OdometryResult lose(const PyramidPair& pair, const Tracked& tracked);
   float gap_sigma_m(std::int64_t timestamp_ns) const;
   OdometryResult& record_lost(std::int64_t timestamp_ns, Reason reason);
   bool right_disagrees(const Tracked& tracked) const;
@@ -96,7 +99,8 @@ class StereoOdometry {
 
   OdometryConfig config_;
   Rectifier rectifier_;
-  RectifiedStereo stereo_;  ///< as calibrated, but for the offset found
+  std::shared_ptr<const RowClock> row_clock_;  ///< of a rolling shutter
+  RectifiedStereo stereo_;                     ///< as calibrated, but for the offset found
   Transform robot_from_rectified_;
   HarrisDetector detector_;
   std::unique_ptr<PaperFrontEnd> paper_;  ///< only where it is the chosen front end

@@ -14,9 +14,11 @@ namespace pilotage {
 
 /// One sighting of a point in a rectified pair.
 struct Sighting {
-  int keyframe = 0;  ///< serial number
+  int keyframe = 0;         ///< serial number
+  Eigen::Vector2f seen_px;  ///< where the left picture shows it
+  /// Where it would be had all rows been exposed with the middle one.
   Eigen::Vector2f left_px;
-  float right_x_px = 0;  ///< NaN when the right picture did not show it
+  float right_x_px = 0;  ///< the same; NaN when the right picture did not show it
   float left_sigma_px = 1;
   float right_sigma_px = 1;
 };

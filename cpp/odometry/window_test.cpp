@@ -33,11 +33,9 @@ class Drive {
     added.world_from_left.translation.x() += keyframe > 0 ? disturbance : 0;
     for (const StereoObservation& seen : scene.problem.observations) {
       if (seen.frame != keyframe) continue;
-      const Sighting sighting{keyframe,
-                              {seen.left_x_px, seen.left_y_px},
-                              seen.right_x_px,
-                              seen.left_sigma_px,
-                              seen.right_sigma_px};
+      const Eigen::Vector2f left_px(seen.left_x_px, seen.left_y_px);
+      const Sighting sighting{
+          keyframe, left_px, left_px, seen.right_x_px, seen.left_sigma_px, seen.right_sigma_px};
       see(window, seen.point, sighting);
     }
     window.add_keyframe(added);

@@ -140,6 +140,7 @@ class StereoRig:
         right: Camera,
         right_from_left: Transform,
         robot_from_left: Transform | None = None,
+        readout_s: float = 0.0,
     ) -> None: ...
     @property
     def left(self) -> Camera: ...
@@ -150,6 +151,12 @@ class StereoRig:
     @property
     def robot_from_left(self) -> Transform | None:
         """Where the left camera sits on the robot, or None."""
+
+    @property
+    def readout_s(self) -> float:
+        """
+        Rolling shutter: how much later (s) the last row is exposed than the first, in both cameras; a pair's time is that of its middle row. 0: all rows at once.
+        """
 
     @property
     def baseline_m(self) -> float: ...

@@ -53,7 +53,7 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
     if not 0.5 <= rate_hz <= 60:
         raise InputError(f"rate {rate_hz:g} Hz: must lie from 0.5 to 60")
     chosen = tuple(robot.pairs) if pairs is None else tuple(pairs)
-    rigs = {pair: robot.stereo_rig(simulation, pair, width_px) for pair in chosen}
+    rigs = {pair: robot.stereo_rig(simulation, pair, width_px, sensor.readout_s) for pair in chosen}
     rendered, groups = Pictures(simulation), {}
     for pair, rig in rigs.items():
         cameras = dict(zip(robot.pairs[pair], (rig.left, rig.right), strict=True))

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""EuRoC (ASL) sensor.yaml, one a camera; `T_BS` = body_from_camera."""
+"""EuRoC (ASL) sensor.yaml, one a camera; `T_BS` = body_from_camera.
+
+To its keys we add `readout_s`, for rolling shutters.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,18 @@ from numpy.typing import NDArray
 
 from pilotage import Camera, StereoRig, Transform
 from pilotage.calibration.document import Section
-from pilotage.calibration.rig import check_size, check_transform, make_camera, make_rig, read_lens
+from pilotage.calibration.rig import (
+    READOUT,
+    check_size,
+    check_transform,
+    make_camera,
+    make_rig,
+    read_lens,
+)
 
 KNOWN_KEYS = (
     "sensor_type", "comment", "T_BS", "rate_hz", "resolution", "camera_model", "intrinsics",
-    "distortion_model", "distortion_coefficients",
+    "distortion_model", "distortion_coefficients", READOUT,
 )  # fmt: skip
 
 
@@ -25,7 +35,11 @@ def read_euroc(left: Section, right: Section) -> StereoRig:
     """Return the rig of two sensor.yaml files."""
     right_from_left = np.linalg.inv(body_from_camera(right)) @ body_from_camera(left)
     return make_rig(
-        right.file, _read_camera(left), _read_camera(right), Transform.from_matrix(right_from_left)
+        right.file,
+        _read_camera(left),
+        _read_camera(right),
+        Transform.from_matrix(right_from_left),
+        readout_s=left.number(READOUT) if READOUT in left else 0.0,
     )
 
 

@@ -6,6 +6,7 @@ left: {width_px: 752, height_px: 480, fx_px: 458.654, fy_px: 457.296, cx_px: 367
 right: ...
 right_from_left: {translation_m: [-0.11, 0, 0], quaternion_wxyz: [1, 0, 0, 0]}
 robot_from_left: ...    # optional
+readout_s: 0.016        # optional: a rolling shutter, from the first row to the last
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import yaml
 
 from pilotage import Camera, StereoRig, Transform
 from pilotage.calibration.document import Section
-from pilotage.calibration.rig import Lens, check_size, make_camera, make_rig
+from pilotage.calibration.rig import READOUT, Lens, check_size, make_camera, make_rig
 
 COEFFICIENTS = {
     "none": (),
@@ -38,7 +39,7 @@ def is_own(section: Section) -> bool:
 
 def read_own(section: Section) -> StereoRig:
     """Return the rig of a file in our own style."""
-    section.refuse_unknown(["left", "right", "right_from_left", "robot_from_left"])
+    section.refuse_unknown(["left", "right", "right_from_left", "robot_from_left", READOUT])
     robot_from_left = None
     if "robot_from_left" in section:
         robot_from_left = _read_transform(section.section("robot_from_left"))
@@ -48,18 +49,21 @@ def read_own(section: Section) -> StereoRig:
         _read_camera(section.section("right")),
         _read_transform(section.section("right_from_left")),
         robot_from_left,
+        readout_s=section.number(READOUT) if READOUT in section else 0.0,
     )
 
 
 def write_own(rig: StereoRig) -> str:
     """Return the text of a rig; floats keep every digit."""
-    document = {
+    document: dict[str, Any] = {
         "left": _camera_values(rig.left),
         "right": _camera_values(rig.right),
         "right_from_left": _transform_values(rig.right_from_left),
     }
     if rig.robot_from_left is not None:
         document["robot_from_left"] = _transform_values(rig.robot_from_left)
+    if rig.readout_s:
+        document[READOUT] = rig.readout_s
     header = "# Stereo rig of Pilotage. Pixel (0, 0) is the centre of the first pixel.\n"
     return header + yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
 

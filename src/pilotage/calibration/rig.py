@@ -14,6 +14,7 @@ from pilotage import Camera, StereoRig, Transform
 from pilotage.calibration.document import Section
 from pilotage.errors import InputError
 
+READOUT = "readout_s"  # what files call the time from a rolling shutter's first row to its last
 LARGEST_SIDE_PX = 16384
 LARGEST_BASELINE_M = 10.0
 ROTATION_TOLERANCE = 1e-3  # printed calibrations have 4 digits at least
@@ -116,12 +117,14 @@ def check_transform(file: Path, name: str, b_from_a: NDArray[np.float64]) -> NDA
     return b_from_a
 
 
-def make_rig(
+def make_rig(  # noqa: PLR0913, what a rig is made of
     file: Path,
     left: Camera,
     right: Camera,
     right_from_left: Transform,
     robot_from_left: Transform | None = None,
+    *,
+    readout_s: float = 0.0,
 ) -> StereoRig:
     """Return a rig after checking that the right camera lies to the right, at a sane distance."""
     matrix = right_from_left.matrix()
@@ -144,7 +147,11 @@ def make_rig(
         )
     try:
         return StereoRig(
-            left=left, right=right, right_from_left=right_from_left, robot_from_left=robot_from_left
+            left=left,
+            right=right,
+            right_from_left=right_from_left,
+            robot_from_left=robot_from_left,
+            readout_s=readout_s,
         )
     except ValueError as error:
         raise InputError(f"{file}: {error}; calibrate again") from None

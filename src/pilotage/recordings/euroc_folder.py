@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pilotage import Camera, StereoRig, Transform
+from pilotage.calibration.rig import READOUT
 from pilotage.errors import InputError
 from pilotage.recordings.folder_files import transform_of_pose, words, write_png
 from pilotage.recordings.frames import StereoFrame, Truth
@@ -37,6 +38,7 @@ def write_euroc(
     for name, camera, body_from_camera in cameras:
         (folder / "mav0" / name / "data").mkdir(parents=True)
         text = _sensor_text(camera, body_from_camera)
+        text += f"{READOUT}: {rig.readout_s!r}\n" if rig.readout_s else ""
         (folder / "mav0" / name / "sensor.yaml").write_text(text)
     times_ns = _write_pictures(pairs, folder / "mav0")
     table = "#timestamp [ns],filename\n" + "".join(f"{t},{t}.png\n" for t in times_ns)

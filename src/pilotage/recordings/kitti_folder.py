@@ -41,6 +41,10 @@ def write_kitti(
         notes.append("KITTI holds rectified pairs: the pictures were rectified")
     if rig.robot_from_left is not None:
         notes.append("KITTI cannot say where the camera sits on the robot: that is left out")
+    if rig.readout_s:
+        notes.append(
+            f"KITTI knows no rolling shutter: its readout of {1e3 * rig.readout_s:g} ms is left out"
+        )
     if truth is not None:
         left_from_ideal = np.asarray(rectifier.rectified_from_left.inverse().matrix())
         poses = truth.world_from_left

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pilotage import StereoRig
 from pilotage.calibration.files import load_rig
+from pilotage.calibration.rig import READOUT
 from pilotage.errors import InputError
 from pilotage.recordings.frames import BadFrame, DecodeClock, Frames, Grey, StereoFrame, Truth
 from pilotage.recordings.mcap_index import (
@@ -126,7 +127,8 @@ class McapRecording:
         for name in (left, right):
             if name not in infos:
                 raise InputError(f"{self._file}: has no {name}; give a calibration (--calibration)")
-        return read_rig(self._file, infos, self._frames)
+        shutters = {name: self._topics[name].metadata.get(READOUT, "") for name in infos}
+        return read_rig(self._file, infos, self._frames, shutters)
 
     def _has(self, info_topic: str) -> bool:
         topic = self._topics.get(info_topic)

@@ -10,7 +10,7 @@ from typing import Any
 
 from pilotage import Camera, StereoRig, Transform
 from pilotage.calibration.document import Section
-from pilotage.calibration.rig import check_size, make_camera, make_rig, read_lens
+from pilotage.calibration.rig import READOUT, check_size, make_camera, make_rig, read_lens
 from pilotage.calibration.ros import read_ros, refuse_cropping
 from pilotage.errors import InputError
 from pilotage.recordings import ros_messages as ros
@@ -83,9 +83,12 @@ def read_frames(path: Path, messages: Iterable[bytes]) -> FrameTree:
     return tree
 
 
-def read_rig(path: Path, infos: dict[str, bytes], frames: FrameTree) -> tuple[StereoRig, str]:
+def read_rig(
+    path: Path, infos: dict[str, bytes], frames: FrameTree, shutters: dict[str, str]
+) -> tuple[StereoRig, str]:
     """Return the rig of the left and right CameraInfo, by topic, and the left camera's frame.
 
+    `shutters` is what the topics say of a rolling shutter's readout, seconds; empty: nothing.
     Where /tf_static says nothing of both cameras' frames, R and P of the CameraInfos do.
     """
     (left, left_frame), (right, right_frame) = (
@@ -97,8 +100,29 @@ def read_rig(path: Path, infos: dict[str, bytes], frames: FrameTree) -> tuple[St
         right_from_left = rig.right_from_left
     found = (frames.between(robot, left_frame) for robot in ROBOT_FRAMES)
     robot_from_left = next((transform for transform in found if transform is not None), None)
-    rig = make_rig(path, camera_of(left), camera_of(right), right_from_left, robot_from_left)
+    rig = make_rig(
+        path,
+        camera_of(left),
+        camera_of(right),
+        right_from_left,
+        robot_from_left,
+        readout_s=_readout_s(path, shutters),
+    )
     return rig, left_frame
+
+
+def _readout_s(path: Path, shutters: dict[str, str]) -> float:
+    """Return what two cameras' topics agree on; InputError where they do not."""
+    said = sorted(set(shutters.values()))
+    if len(said) > 1:
+        raise InputError(
+            f"{path}: {READOUT} of {', '.join(shutters)}: {said}; both cameras of a pair must have "
+            "the same shutter; give a calibration (--calibration)"
+        )
+    try:
+        return float(said[0] or 0.0)
+    except ValueError:
+        raise InputError(f"{path}: {READOUT} = {said[0]!r}: must be seconds") from None
 
 
 def read_info(path: Path, topic: str, data: bytes) -> tuple[Section, str]:

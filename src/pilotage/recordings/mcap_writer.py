@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pilotage import Camera, StereoRig, Transform, __version__
 from pilotage.atomic_files import GrowingFile, write_error
+from pilotage.calibration.rig import READOUT
 from pilotage.errors import InputError, RunError
 from pilotage.recordings import ros_messages as ros
 from pilotage.recordings.mcap_container import ContainerWriter
@@ -41,6 +42,15 @@ LATCHED = (
 )
 
 
+class _Known(NamedTuple):
+    """A camera as CameraInfo has it: its lens, R (3, 3) and P (3, 4); and its shutter."""
+
+    camera: Camera
+    turn: NDArray[np.float64]
+    projection: NDArray[np.float64]
+    readout_s: float = 0.0
+
+
 class McapWriter:
     """A recording being written. `with` opens `<path>.part`; leaving without an error names it.
 
@@ -60,7 +70,7 @@ class McapWriter:
         self._schema_ids: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
         self._statics: dict[tuple[str, str], Transform] = {}
-        self._cameras: dict[str, tuple[Camera, NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._cameras: dict[str, _Known] = {}
         self.is_ours = False  # whether the `.part` was begun here
 
     def __enter__(self) -> Self:
@@ -108,7 +118,7 @@ class McapWriter:
         for name, camera, (turn, projection) in zip(
             (left, right), (rig.left, rig.right), rectification(rig), strict=True
         ):
-            self._cameras[name] = (camera, turn, projection)
+            self._cameras[name] = _Known(camera, turn, projection, rig.readout_s)
         statics = stereo_transforms(rig.right_from_left, left, right)
         if rig.robot_from_left is not None:
             statics = {(ROBOT, left): rig.robot_from_left, **statics}
@@ -117,7 +127,7 @@ class McapWriter:
     def add_camera(self, name: str, camera: Camera) -> None:
         """Say how a single camera is built, say `top` of a humanoid; its pictures may follow."""
         k = [[camera.fx_px, 0, camera.cx_px, 0], [0, camera.fy_px, camera.cy_px, 0], [0, 0, 1, 0]]
-        self._cameras[name] = (camera, np.eye(3), np.array(k))
+        self._cameras[name] = _Known(camera, np.eye(3), np.array(k))
 
     def add_static_transforms(
         self, parent_from_child: Mapping[tuple[str, str], Transform], *, timestamp_ns: int
@@ -158,14 +168,17 @@ class McapWriter:
             raise ValueError(f"a picture {picture.shape} of {picture.dtype} is no {encoding}")
         if camera not in self._cameras:
             raise ValueError(f"camera {camera!r} is not known; add_rig or add_camera comes first")
-        known, turn, projection = self._cameras[camera]
-        if picture.shape[:2] != (known.height_px, known.width_px):
+        known = self._cameras[camera]
+        width_px, height_px = known.camera.width_px, known.camera.height_px
+        if picture.shape[:2] != (height_px, width_px):
             raise ValueError(
                 f"a picture {picture.shape[1]}x{picture.shape[0]} px of {camera}, calibrated for "
-                f"{known.width_px}x{known.height_px}"
+                f"{width_px}x{height_px}"
             )
-        info = ros.camera_info(camera, timestamp_ns, known, turn, projection)
-        self._write(f"/{camera}/camera_info", ros.CAMERA_INFO, timestamp_ns, info)
+        info = ros.camera_info(camera, timestamp_ns, known.camera, known.turn, known.projection)
+        # CameraInfo has no field for it.
+        shutter = {READOUT: repr(known.readout_s)} if known.readout_s else {}
+        self._write(f"/{camera}/camera_info", ros.CAMERA_INFO, timestamp_ns, info, **shutter)
         self._write_pixels(camera, timestamp_ns, picture, encoding)
 
     def write_transforms(

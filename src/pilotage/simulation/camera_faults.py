@@ -89,6 +89,7 @@ def written_rig(rig: StereoRig, faults: Sequence[Fault], pair: str) -> StereoRig
         right=rig.right,
         right_from_left=_scaled(rig.right_from_left, base * square),
         robot_from_left=robot_from_left,
+        readout_s=rig.readout_s,
     )
 
 

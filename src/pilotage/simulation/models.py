@@ -79,8 +79,13 @@ class RobotModel:
         module, _, kind = self.body.partition(":")
         return cast(Body, getattr(importlib.import_module(module), kind)())
 
-    def stereo_rig(self, simulation: Simulation, pair: str, width_px: int) -> StereoRig:
-        """Return the pair of that name at that width, placed as on the simulation's body."""
+    def stereo_rig(
+        self, simulation: Simulation, pair: str, width_px: int, readout_s: float = 0.0
+    ) -> StereoRig:
+        """Return the pair of that name at that width, placed as on the simulation's body.
+
+        `readout_s` is that of its sensors.
+        """
         left, right = self.pairs[pair]
         robot_from_world = simulation.robot_pose().inverse()
         world_from_left = simulation.camera_pose(left)
@@ -89,6 +94,7 @@ class RobotModel:
             right=self.lens.camera(width_px, 1),
             right_from_left=simulation.camera_pose(right).inverse() @ world_from_left,
             robot_from_left=robot_from_world @ world_from_left,
+            readout_s=readout_s,
         )
 
     def chosen_pairs(self, names: str | None) -> tuple[str, ...]:
