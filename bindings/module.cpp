@@ -6,6 +6,7 @@ namespace pilotage {
 // One file for each folder of cpp/; each adds its classes and functions to the module.
 void bind_geometry(nanobind::module_& m);
 void bind_tracking(nanobind::module_& m);
+void bind_correlation(nanobind::module_& m);
 void bind_estimation(nanobind::module_& m);
 void bind_bundle_adjustment(nanobind::module_& m);
 void bind_odometry(nanobind::module_& m);
@@ -17,6 +18,7 @@ NB_MODULE(_core, m) {
   m.doc() = "The compiled part of pilotage; import its names from `pilotage`.";
   pilotage::bind_geometry(m);
   pilotage::bind_tracking(m);
+  pilotage::bind_correlation(m);
   pilotage::bind_estimation(m);
   pilotage::bind_bundle_adjustment(m);
   pilotage::bind_odometry(m);

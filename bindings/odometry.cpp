@@ -17,8 +17,8 @@ template <typename Enum>
 struct Names;
 template <>
 struct Names<FrontEnd> {
-  static constexpr std::pair<FrontEnd, const char*> list[] = {{FrontEnd::patch, "patch"},
-                                                              {FrontEnd::paper, "paper"}};
+  static constexpr std::pair<FrontEnd, const char*> list[] = {
+      {FrontEnd::patch, "patch"}, {FrontEnd::grid, "grid"}, {FrontEnd::paper, "paper"}};
 };
 template <>
 struct Names<EpipolarResidual> {
@@ -169,6 +169,7 @@ void bind_result(nb::module_& m) {
       .value("blurred", Reason::blurred)
       .value("too_few_points", Reason::too_few_points)
       .value("no_parallax", Reason::no_parallax)
+      .value("ambiguous", Reason::ambiguous)
       .value("calibration_does_not_fit", Reason::calibration_does_not_fit)
       .value("frames_missing", Reason::frames_missing)
       .value("left_right_swapped", Reason::left_right_swapped)

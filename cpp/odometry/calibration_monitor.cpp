@@ -25,7 +25,8 @@ constexpr int min_rows = 100;
 
 double shrink(double offset_px, double sigma_px, double prior_sigma_px) {
   const double prior = prior_sigma_px * prior_sigma_px;
-  return prior > 0 && sigma_px < usable_sigma_px ? offset_px * prior / (prior + sigma_px * sigma_px) : 0.0;
+  return prior > 0 && sigma_px < usable_sigma_px ? offset_px * prior / (prior + sigma_px * sigma_px)
+                                                 : 0.0;
 }
 
 void CalibrationMonitor::add_window(BundleProblem problem, bool is_preliminary) {

@@ -11,6 +11,7 @@ namespace pilotage {
 /// How homologous points are found.
 enum class FrontEnd {
   patch,  ///< patches of keyframes aligned under a motion prior, descriptors to fall back on
+  grid,   ///< nodes of a regular grid, found by correlation: for cameras that look down
   paper,  ///< Harris points, SIFT descriptors, matched by descriptor (rover paper, figure 4)
 };
 
@@ -38,7 +39,8 @@ struct OdometryConfig {
   /// list that feeds files, the command line, Python and the documentation.
   template <typename Self, typename Visitor>
   static void visit(Self& config, Visitor&& visitor) {
-    visitor("front_end", config.front_end, "how homologous points are found: patch or paper");
+    visitor("front_end", config.front_end,
+            "how homologous points are found: patch, grid (looking down) or paper");
     visitor("points", config.points, 50, 4000, "interest points aimed at in a picture");
     visitor("window_keyframes", config.window_keyframes, 3, 40, "keyframes adjusted together");
     visitor("adjust_every", config.adjust_every, 1, 50,

@@ -6,12 +6,17 @@
 #include "odometry/new_points.hpp"
 #include "odometry/pair_check.hpp"
 #include "odometry/stereo_odometry.hpp"
+#include "tracking/plane_motion.hpp"
 
 namespace pilotage {
 namespace {
 
 /// The rows of so many keyframes are checked at first, then those of each so-manieth.
 constexpr int first_samples = 8;
+/// Whether the ground repeats is looked at in each so-manieth keyframe.
+constexpr int similarity_samples = 4;
+/// Natural surfaces stay below 0.35, a brick wall has 0.8 and tiles have more.
+constexpr double repeating = 0.65;
 
 }  // namespace
 
@@ -76,6 +81,9 @@ void StereoOdometry::make_keyframe(const PyramidPair& pair, const Tracked& track
   points_at_keyframe_ = static_cast<int>(occupied.size() + found.size());
   if (keyframe.serial < first_samples || keyframe.serial % first_samples == 0) {
     monitor_.add_row_differences(sample_rows(pair, stereo_).row_differences_px);
+  }
+  if (config_.front_end == FrontEnd::grid && keyframe.serial % similarity_samples == 0) {
+    is_repeating_ = self_similarity(pair.left->level(0)) > repeating;
   }
   recovery_.set_reference(pair);
   pairs_since_keyframe_ = 0;

@@ -38,8 +38,10 @@ OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& trac
     window_.clear(block_);
     return start(pair);
   }
+  const Reason reason = explain_few_points(describe_picture(*pair.left), usual_sharpness_);
+  const bool is_unexplained = reason == Reason::too_few_points;
   return refuse(tracked, pair.timestamp_ns,
-                explain_few_points(describe_picture(*pair.left), usual_sharpness_));
+                is_unexplained && is_repeating_ ? Reason::ambiguous : reason);
 }
 
 OdometryResult& StereoOdometry::record_lost(std::int64_t timestamp_ns, Reason reason) {

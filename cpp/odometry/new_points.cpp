@@ -9,6 +9,22 @@
 #include "tracking/stereo_match.hpp"
 
 namespace pilotage {
+namespace {
+
+/// The middles of the free cells.
+std::vector<Eigen::Vector2f> grid_nodes(int columns, float cell_px,
+                                        const std::vector<char>& taken) {
+  std::vector<Eigen::Vector2f> nodes;
+  for (std::size_t i = 0; i < taken.size(); ++i) {
+    if (taken[i]) continue;
+    const auto column = static_cast<float>(static_cast<int>(i) % columns);
+    const auto row = static_cast<float>(static_cast<int>(i) / columns);
+    nodes.emplace_back(cell_px * (column + 0.5f), cell_px * (row + 0.5f));
+  }
+  return nodes;
+}
+
+}  // namespace
 
 HarrisOptions harris_options(const RectifiedStereo& stereo, int points) {
   HarrisOptions options;
@@ -73,10 +89,14 @@ std::vector<Landmark> find_new_landmarks(HarrisDetector& detector, const Pyramid
     const int row = std::clamp(static_cast<int>(p.y() / cell), 0, rows - 1);
     taken[row * columns + column] = 1;
   }
-  std::vector<InterestPoint> corners;
-  detector.detect(pair.left->level(0), taken, corners);
   std::vector<Eigen::Vector2f> pixels;
-  for (const InterestPoint& corner : corners) pixels.emplace_back(corner.x, corner.y);
+  if (config.front_end == FrontEnd::grid) {
+    pixels = grid_nodes(columns, cell, taken);
+  } else {
+    std::vector<InterestPoint> corners;
+    detector.detect(pair.left->level(0), taken, corners);
+    for (const InterestPoint& corner : corners) pixels.emplace_back(corner.x, corner.y);
+  }
   const std::vector<float> starts = find_right(pair, pixels, stereo);
   std::vector<Landmark> landmarks;
   for (std::size_t i = 0; i < pixels.size(); ++i) {

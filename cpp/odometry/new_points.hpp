@@ -15,8 +15,8 @@ HarrisOptions harris_options(const RectifiedStereo& stereo, int points);
 std::vector<float> find_right(const PyramidPair& pair, std::span<const Eigen::Vector2f> left_px,
                               const RectifiedStereo& stereo);
 
-/// Makes landmarks of corners in cells that have no landmark yet; `occupied` are the left pixels of
-/// those that were found. Space intersection gives their place.
+/// Makes landmarks of corners, or the nodes of the grid, in cells that have none yet; `occupied`
+/// are the left pixels of those that were found. Space intersection gives their place.
 std::vector<Landmark> find_new_landmarks(HarrisDetector& detector, const PyramidPair& pair,
                                          const Keyframe& keyframe,
                                          std::span<const Eigen::Vector2f> occupied,

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "odometry/patch_front_end.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "tracking/correlation.hpp"
 #include "tracking/patch_alignment.hpp"
 
 namespace pilotage {
@@ -13,6 +15,13 @@ namespace {
 constexpr int max_misses = 2;
 /// Warps that differ less move no pixel of a patch by more than 0.06 px, and its centre not at all.
 constexpr float same_warp = 0.01f;
+/// How far around the prediction correlation looks, px of the level: on the first and on others.
+constexpr int coarse_reach_px = 4, fine_reach_px = 2;
+/// Smaller copies are less sharp and differ in more than their place.
+constexpr float min_coarse_correlation = 0.6f;
+/// Another place that looks nearly as much like the patch makes the match ambiguous.
+constexpr float max_rival = 0.9f;
+constexpr int separation_px = 2;
 constexpr float nan = std::numeric_limits<float>::quiet_NaN();
 
 /// Offsets in the host's picture per offset in the current one, for a surface that faces the host.
@@ -72,6 +81,40 @@ const PatchTemplate* patch_in_view(Landmark& landmark, const Keyframe& host,
   return nullptr;
 }
 
+/// Finds the patch on a level by correlation with all places around `pixel`; false where none fits
+/// or two do. Near the border, where the patch or its neighbourhood is cut off, `pixel` stays.
+bool correlate_on_level(const Landmark& landmark, const Keyframe& host, const Pyramid& left,
+                        const Eigen::Matrix2f& warp, int level, int reach_px,
+                        Eigen::Vector2f& pixel) {
+  const float scale = 1.0f / static_cast<float>(1 << level);
+  const int host_level = host_level_for(level, warp, host);
+  const float host_scale = 1.0f / static_cast<float>(1 << host_level);
+  const Eigen::Matrix2f level_warp = warp * (host_scale / scale);
+  CorrelationPatch patch;
+  if (!sample_patch(host.left->level(host_level), landmark.host_px * host_scale, level_warp,
+                    patch)) {
+    return true;
+  }
+  const ImageView image = left.level(level);
+  // The patch's middle lies between its pixels 7 and 8.
+  constexpr float middle = 0.5f * (correlation_side_px - 1);
+  const Eigen::Vector2f first = pixel * scale - Eigen::Vector2f::Constant(middle);
+  const int x = static_cast<int>(std::lround(first.x())) - reach_px;
+  const int y = static_cast<int>(std::lround(first.y())) - reach_px;
+  const int x_first = std::max(0, x), y_first = std::max(0, y);
+  const int x_end = std::min(image.width - correlation_side_px, x + 2 * reach_px) + 1;
+  const int y_end = std::min(image.height - correlation_side_px, y + 2 * reach_px) + 1;
+  if (x_end - x_first <= reach_px || y_end - y_first <= reach_px) return true;
+  thread_local CorrelationMap map;
+  correlate(patch, image, x_first, y_first, x_end - x_first, y_end - y_first, map);
+  const CorrelationPeak peak = find_peak(map, separation_px);
+  if (peak.score < min_coarse_correlation || peak.second > max_rival * peak.score) return false;
+  const Eigen::Vector2f origin(static_cast<float>(x_first) + middle,
+                               static_cast<float>(y_first) + middle);
+  pixel = (origin + peak.position) / scale;
+  return true;
+}
+
 /// Aligns the patch from the coarse level down to 0; false when it is not found.
 bool find_in_left(Landmark& landmark, const Keyframe& host, const Pyramid& left,
                   const Eigen::Matrix2f& warp, const Eigen::Vector2f& predicted, int coarse_level,
@@ -79,6 +122,11 @@ bool find_in_left(Landmark& landmark, const Keyframe& host, const Pyramid& left,
   PatchAlignmentOptions options;
   Eigen::Vector2f pixel = predicted;
   for (int level = coarse_level; level > 0; --level) {
+    if (config.front_end == FrontEnd::grid) {
+      const int reach_px = level == coarse_level ? coarse_reach_px : fine_reach_px;
+      if (!correlate_on_level(landmark, host, left, warp, level, reach_px, pixel)) return false;
+      continue;
+    }
     PatchTemplate patch;
     if (!sample_host(landmark, host, level, host_level_for(level, warp, host), warp, patch)) {
       return false;

@@ -57,6 +57,7 @@ Reason StereoOdometry::find_doubt(const PairRecord& record, const Tracked& track
   if (disparity_px(previous_points_, nearest_part, stereo_) < min_disparity_px) {
     return Reason::no_parallax;
   }
+  if (is_repeating_) return Reason::ambiguous;
   if (tracked.step.quality != PoseQuality::tracking) return Reason::too_few_points;
   return Reason::none;
 }

@@ -20,6 +20,7 @@ enum class Reason {
   blurred,
   too_few_points,
   no_parallax,
+  ambiguous,
   calibration_does_not_fit,
   frames_missing,
   left_right_swapped,

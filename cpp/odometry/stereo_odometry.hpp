@@ -74,6 +74,7 @@ class StereoOdometry {
   Tracked follow_patches(PyramidPair& pair, const Transform& world_from_left,
                          const std::vector<int>& landmarks, int coarse_level);
   Tracked recover(PyramidPair& pair);
+  Tracked recover_on_plane(PyramidPair& pair);
   void note_matches(const Tracked& tracked);
   bool needs_keyframe(const Tracked& tracked) const;
   void make_keyframe(const PyramidPair& pair, const Tracked& tracked);
@@ -125,6 +126,7 @@ class StereoOdometry {
   int next_keyframe_ = 0;
   std::vector<PairRecord> records_;
   std::vector<Matrix6d> block_covariances_;
+  bool is_repeating_ = false;  ///< the last keyframe looks the same elsewhere
   bool is_finished_ = false;
   double adjustment_cpu_ms_ = 0;
 };

@@ -37,6 +37,11 @@ REASONS: dict[str, Reason] = {
         "nothing in view is near enough to measure its distance",
         "Bring nearer things into view, or use a pair of cameras with a longer base.",
     ),
+    "ambiguous": Reason(
+        "the ground repeats its pattern and looks the same in several places",
+        "Let a camera see something else beside it, or take more pairs a second, so that less than"
+        " half a pattern passes between two.",
+    ),
     "calibration_does_not_fit": Reason(
         "the pictures do not fit the calibration",
         "Calibrate the stereo pair again, and check that the calibration belongs to these cameras"

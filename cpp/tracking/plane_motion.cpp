@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tracking/plane_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "tracking/correlation.hpp"
+
+namespace pilotage {
+namespace {
+
+constexpr int side = correlation_side_px;
+constexpr float half_side = 0.5f * (side - 1);
+/// The copies that are correlated are no wider.
+constexpr int small_width_px = 110;
+constexpr int patch_columns = 4, patch_rows = 3;
+/// So many patches must be visible in both pictures.
+constexpr int fewest_votes = 4;
+/// Nearer shifts belong to the same peak, px of the small copies.
+constexpr int separation_px = 5;
+constexpr int similar_levels = 2;
+
+/// A picture halved until it is small.
+struct Small {
+  std::vector<Image> halved;
+  ImageView view;
+  double scale = 1;  ///< pixels of the picture for one of the copy
+
+  explicit Small(const ImageView& picture, int width_px = small_width_px) : view(picture) {
+    while (view.width > width_px && std::min(view.width, view.height) >= 4 * side) {
+      Image half;
+      halve(view, half);
+      halved.push_back(std::move(half));
+      view = halved.back().view();
+      scale *= 2;
+    }
+  }
+};
+
+/// Votes for shifts, of the small copy's pixels, around none.
+struct Votes {
+  int reach_x, reach_y;
+  std::vector<float> sum;
+  std::vector<int> count;
+
+  Votes(int width, int height)
+      : reach_x(width),
+        reach_y(height),
+        sum(static_cast<std::size_t>(2 * width + 1) * (2 * height + 1)),
+        count(sum.size()) {}
+  int columns() const { return 2 * reach_x + 1; }
+  void add(const CorrelationMap& map, int shift_x, int shift_y) {
+    for (int y = 0; y < map.height; ++y) {
+      const int row = y + shift_y + reach_y;
+      if (row < 0 || row > 2 * reach_y) continue;
+      for (int x = 0; x < map.width; ++x) {
+        const int column = x + shift_x + reach_x;
+        if (column < 0 || column > 2 * reach_x) continue;
+        const std::size_t i = static_cast<std::size_t>(row) * columns() + column;
+        // Few patches that fit well say more than many that fit somewhat.
+        const float score = std::max(0.0f, map.at(x, y));
+        sum[i] += score * score * score;
+        ++count[i];
+      }
+    }
+  }
+  float mean(std::size_t i) const {
+    return count[i] >= fewest_votes ? sum[i] / static_cast<float>(count[i]) : -1;
+  }
+  /// Chance makes means of few votes high.
+  float weight(std::size_t i) const { return mean(i) * std::sqrt(static_cast<float>(count[i])); }
+};
+
+Eigen::Matrix2f turn_of(double angle_rad) {
+  const auto c = static_cast<float>(std::cos(angle_rad)),
+             s = static_cast<float>(std::sin(angle_rad));
+  Eigen::Matrix2f turn;
+  turn << c, -s, s, c;
+  return turn;
+}
+
+/// Patches of `reference`, turned, vote with all places of `current`.
+Votes vote(const ImageView& reference, const ImageView& current, const Eigen::Vector2f& centre,
+           double angle_rad) {
+  Votes votes(current.width / 2, current.height / 2);
+  const Eigen::Matrix2f turn = turn_of(angle_rad), back = turn_of(-angle_rad);
+  CorrelationPatch patch;
+  CorrelationMap map;
+  const int width = current.width - side + 1, height = current.height - side + 1;
+  for (int r = 0; r < patch_rows; ++r) {
+    for (int c = 0; c < patch_columns; ++c) {
+      const Eigen::Vector2f place(
+          (static_cast<float>(c) + 0.5f) * static_cast<float>(reference.width) / patch_columns,
+          (static_cast<float>(r) + 0.5f) * static_cast<float>(reference.height) / patch_rows);
+      if (!sample_patch(reference, place, back, patch)) continue;
+      correlate(patch, current, 0, 0, width, height, map);
+      const Eigen::Vector2f expected = turn * (place - centre) + centre;
+      votes.add(map, static_cast<int>(std::lround(half_side - expected.x())),
+                static_cast<int>(std::lround(half_side - expected.y())));
+    }
+  }
+  return votes;
+}
+
+struct Best {
+  float weight = 0, mean = -1;
+  double angle_rad = 0;
+  int x = 0, y = 0;
+};
+
+Best best_of(const Votes& votes, double angle_rad) {
+  Best best;
+  best.angle_rad = angle_rad;
+  for (std::size_t i = 0; i < votes.sum.size(); ++i) {
+    if (votes.count[i] < fewest_votes || votes.weight(i) <= best.weight) continue;
+    best.weight = votes.weight(i);
+    best.mean = votes.mean(i);
+    best.x = static_cast<int>(i) % votes.columns() - votes.reach_x;
+    best.y = static_cast<int>(i) / votes.columns() - votes.reach_y;
+  }
+  return best;
+}
+
+/// The best shift away from the best one.
+Best rival_of(const Votes& votes, const Best& best) {
+  Best rival;
+  rival.angle_rad = best.angle_rad;
+  for (std::size_t i = 0; i < votes.sum.size(); ++i) {
+    const int x = static_cast<int>(i) % votes.columns() - votes.reach_x;
+    const int y = static_cast<int>(i) / votes.columns() - votes.reach_y;
+    const bool is_same = std::max(std::abs(x - best.x), std::abs(y - best.y)) <= separation_px;
+    if (is_same || votes.weight(i) <= rival.weight) continue;
+    rival = {votes.weight(i), votes.mean(i), best.angle_rad, x, y};
+  }
+  return rival;
+}
+
+PlaneMotion motion_of(const Best& best, double scale) {
+  return {best.angle_rad, scale * Eigen::Vector2d(best.x, best.y), std::cbrt(best.mean)};
+}
+
+}  // namespace
+
+std::vector<PlaneMotion> find_plane_motions(const ImageView& reference, const ImageView& current,
+                                            const Eigen::Vector2d& centre_px,
+                                            const PlaneMotionOptions& options) {
+  const Small from(reference), to(current);
+  const Eigen::Vector2f centre = (centre_px / from.scale).cast<float>();
+  const int steps = static_cast<int>(std::ceil(options.largest_turn_rad / options.turn_step_rad));
+  Best best;
+  const auto try_angle = [&](double angle_rad) {
+    const Best here = best_of(vote(from.view, to.view, centre, angle_rad), angle_rad);
+    if (here.weight > best.weight) best = here;
+  };
+  for (int step = -steps; step <= steps; ++step) try_angle(step * options.turn_step_rad);
+  // Half a step to either side: a patch's corners then lie within half a pixel.
+  const double coarse_rad = best.angle_rad;
+  try_angle(coarse_rad - 0.5 * options.turn_step_rad);
+  try_angle(coarse_rad + 0.5 * options.turn_step_rad);
+  const Best rival = rival_of(vote(from.view, to.view, centre, best.angle_rad), best);
+  std::vector<PlaneMotion> motions;
+  for (const Best& found : {best, rival}) {
+    if (found.weight > 0 && std::cbrt(found.mean) >= options.min_score) {
+      motions.push_back(motion_of(found, from.scale));
+    }
+  }
+  return motions;
+}
+
+double self_similarity(const ImageView& picture) {
+  double similar = 0;
+  int width_px = small_width_px;
+  for (int level = 0; level < similar_levels; ++level, width_px *= 2) {
+    const Small small(picture, width_px);
+    const Votes votes = vote(small.view, small.view, Eigen::Vector2f::Zero(), 0);
+    const Best rival = rival_of(votes, Best{});
+    if (rival.weight > 0) similar = std::max<double>(similar, std::cbrt(rival.mean));
+  }
+  return similar;
+}
+
+}  // namespace pilotage
