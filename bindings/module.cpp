@@ -10,6 +10,7 @@ void bind_correlation(nanobind::module_& m);
 void bind_estimation(nanobind::module_& m);
 void bind_bundle_adjustment(nanobind::module_& m);
 void bind_odometry(nanobind::module_& m);
+void bind_judge(nanobind::module_& m);
 void bind_rendering(nanobind::module_& m);
 
 }  // namespace pilotage
@@ -22,5 +23,6 @@ NB_MODULE(_core, m) {
   pilotage::bind_estimation(m);
   pilotage::bind_bundle_adjustment(m);
   pilotage::bind_odometry(m);
+  pilotage::bind_judge(m);
   pilotage::bind_rendering(m);
 }

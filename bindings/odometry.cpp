@@ -3,18 +3,11 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include <type_traits>
-
-#include "numpy.hpp"
+#include "config_fields.hpp"
 #include "odometry/stereo_odometry.hpp"
 
 namespace pilotage {
-namespace {
 
-using namespace nb::literals;
-
-template <typename Enum>
-struct Names;
 template <>
 struct Names<FrontEnd> {
   static constexpr std::pair<FrontEnd, const char*> list[] = {
@@ -33,130 +26,9 @@ struct Names<RobustLoss> {
       {RobustLoss::tukey, "tukey"}, {RobustLoss::geman_mcclure, "geman_mcclure"}};
 };
 
-template <typename Enum>
-const char* name_of(Enum value) {
-  for (const auto& [candidate, name] : Names<Enum>::list) {
-    if (candidate == value) return name;
-  }
-  return "?";
-}
+namespace {
 
-[[noreturn]] void refuse(const char* key, const std::string& value, const std::string& allowed) {
-  throw std::invalid_argument(std::string(key) + " = " + value + ": must be " + allowed);
-}
-
-std::string text_of(nb::handle value) { return nb::cast<std::string>(nb::str(value)); }
-
-template <typename Enum>
-Enum parse(const char* key, nb::handle value) {
-  std::string allowed;
-  for (const auto& [candidate, name] : Names<Enum>::list) {
-    if (text_of(value) == name) return candidate;
-    allowed += (allowed.empty() ? "one of " : ", ") + std::string(name);
-  }
-  refuse(key, text_of(value), allowed);
-}
-
-/// Writes each field of a configuration into a dict.
-struct ToDict {
-  nb::dict& out;
-  template <typename T, typename... Rest>
-  void operator()(const char* key, const T& member, Rest&&...) const {
-    if constexpr (std::is_enum_v<T>) {
-      out[key] = name_of(member);
-    } else {
-      out[key] = member;
-    }
-  }
-};
-
-/// Sets the field named `wanted`.
-struct SetField {
-  const std::string& wanted;
-  nb::handle value;
-  bool& found;
-
-  template <typename T>
-  void operator()(const char* key, T& member, const char*) const {
-    if (wanted != key) return;
-    found = true;
-    if constexpr (std::is_enum_v<T>) {
-      member = parse<T>(key, value);
-    } else {
-      if (!nb::isinstance<nb::bool_>(value)) refuse(key, text_of(value), "true or false");
-      member = nb::cast<bool>(value);
-    }
-  }
-  template <typename T, typename Bound>
-  void operator()(const char* key, T& member, Bound low, Bound high, const char*) const {
-    if (wanted != key) return;
-    found = true;
-    const std::string allowed =
-        (std::is_integral_v<T> ? "a whole number from " : "a number from ") +
-        text_of(nb::cast(low)) + " to " + text_of(nb::cast(high));
-    const bool is_number = (nb::isinstance<nb::int_>(value) && !nb::isinstance<nb::bool_>(value)) ||
-                           (!std::is_integral_v<T> && nb::isinstance<nb::float_>(value));
-    double number = 0;
-    if (!is_number || !nb::try_cast(value, number)) refuse(key, text_of(value), allowed);
-    if (!(number >= static_cast<double>(low) && number <= static_cast<double>(high))) {
-      refuse(key, text_of(value), allowed);
-    }
-    member = static_cast<T>(number);
-  }
-};
-
-void set_field(OdometryConfig& config, const std::string& key, nb::handle value) {
-  bool found = false;
-  OdometryConfig::visit(config, SetField{key, value, found});
-  if (found) return;
-  std::string known;
-  OdometryConfig::visit(config, [&](const char* name, auto&&...) {
-    known += (known.empty() ? "" : ", ") + std::string(name);
-  });
-  throw std::invalid_argument("unknown key " + key + "; known are " + known);
-}
-
-void bind_config(nb::module_& m) {
-  nb::class_<OdometryConfig> config(
-      m, "OdometryConfig", "Everything that can be set of the odometry, with its defaults.");
-  config.def(nb::init<>())
-      .def("to_dict",
-           [](const OdometryConfig& self) {
-             nb::dict out;
-             OdometryConfig::visit(self, ToDict{out});
-             return out;
-           })
-      .def_static(
-          "from_dict",
-          [](const nb::dict& values) {
-            OdometryConfig config;
-            for (const auto& [key, value] : values) {
-              set_field(config, nb::cast<std::string>(key), value);
-            }
-            return config;
-          },
-          "values"_a, "The defaults with `values` changed; ValueError names a bad key or value.")
-      .def("__setattr__", [](OdometryConfig& self, const std::string& key,
-                             nb::object value) { set_field(self, key, value); })
-      .def_static("describe", [] {
-        nb::dict out;
-        OdometryConfig defaults;
-        OdometryConfig::visit(defaults, [&](const char* key, auto&&, auto&&... rest) {
-          out[key] = std::get<sizeof...(rest) - 1>(std::forward_as_tuple(rest...));
-        });
-        return out;
-      });
-  OdometryConfig defaults;
-  OdometryConfig::visit(defaults, [&](const char* key, auto&&, auto&&... rest) {
-    const std::string name = key;
-    const auto get = [name](const OdometryConfig& self) {
-      nb::dict out;
-      OdometryConfig::visit(self, ToDict{out});
-      return nb::object(out[name.c_str()]);
-    };
-    config.def_prop_ro(key, get, std::get<sizeof...(rest) - 1>(std::forward_as_tuple(rest...)));
-  });
-}
+using namespace nb::literals;
 
 void bind_result(nb::module_& m) {
   nb::enum_<Status>(m, "Status", "Whether a pose may be believed.")
@@ -188,6 +60,8 @@ void bind_result(nb::module_& m) {
             return self.covariance;
           },
           "(6, 6): x y z in metres along the world's axes, rotation in radians about them")
+      .def_ro("segment_covariance", &OdometryResult::segment_covariance,
+              "The same given the first pose of the segment, without the rig's own errors.")
       .def_ro("segment", &OdometryResult::segment)
       .def_ro("matches", &OdometryResult::matches)
       .def_ro("inliers", &OdometryResult::inliers)
@@ -213,7 +87,8 @@ void bind_calibration_check(nb::module_& m) {
 }  // namespace
 
 void bind_odometry(nb::module_& m) {
-  bind_config(m);
+  bind_config<OdometryConfig>(m, "OdometryConfig",
+                              "Everything that can be set of the odometry, with its defaults.");
   bind_result(m);
   bind_calibration_check(m);
   nb::class_<StereoOdometry>(m, "StereoOdometry",

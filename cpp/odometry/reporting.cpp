@@ -40,10 +40,12 @@ void StereoOdometry::place(PairRecord& record, const Transform& world_from_left,
   const Transform pose = robot_from_rectified_ * world_from_left * robot_from_rectified_.inverse();
   const Matrix6d turn = adjoint(robot_from_rectified_);
   if (record.gap_sigma_m > 0) path.begin_segment(record.gap_sigma_m);
-  record.result.covariance = path.extend(
-      pose.translation, about_the_pose(turn * covariance * turn.transpose(), pose.translation),
-      robot_from_rectified_.rotation * world_from_left.translation,
-      record.scale_per_px * monitor_.right_x_offset_sigma_px());
+  record.result.segment_covariance =
+      about_the_pose(turn * covariance * turn.transpose(), pose.translation);
+  record.result.covariance =
+      path.extend(pose.translation, record.result.segment_covariance,
+                  robot_from_rectified_.rotation * world_from_left.translation,
+                  record.scale_per_px * monitor_.right_x_offset_sigma_px());
   record.result.world_from_robot = pose;
 }
 

@@ -37,6 +37,9 @@ struct OdometryResult {
   std::optional<Transform> world_from_robot;
   /// Of that pose: x y z in metres along the world's axes, then rotation in radians about them.
   Matrix6d covariance = Matrix6d::Zero();
+  /// The same given the first pose of the segment, without what the rig's own errors add: they are
+  /// the same for all poses, and what two trajectories are compared by.
+  Matrix6d segment_covariance = Matrix6d::Zero();
   int segment = 0;  ///< grows when tracking resumed without a tie to what was before
   int matches = 0;
   int inliers = 0;

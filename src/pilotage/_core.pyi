@@ -494,6 +494,56 @@ def match_in_windows(
     Match each of a to those of b within radius_px, (N,) or (1,), of its predicted place.
     """
 
+def correlate(
+    *,
+    image: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)],
+    centre_px: Annotated[NDArray[numpy.float32], dict(shape=(2), order="C")],
+    other: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)],
+    x_first: int,
+    y_first: int,
+    width: int,
+    height: int,
+) -> NDArray[numpy.float32]:
+    """
+    Zero-mean normalised correlation, (height, width) float32, of the 16x16 patch around centre_px (x, y) of `image` with the patches of `other` that begin at x_first + i, y_first + j. ValueError when patches leave the pictures.
+    """
+
+class PlaneMotion:
+    """
+    How the picture of a plane turned and moved: current = turn * (reference - centre) + centre + shift.
+    """
+
+    @property
+    def turn_rad(self) -> float: ...
+    @property
+    def shift_px(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order="C")]: ...
+    @property
+    def score(self) -> float:
+        """How much what both pictures show agrees, 0..1."""
+
+def find_plane_motions(
+    *,
+    reference: Annotated[
+        NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)
+    ],
+    current: Annotated[
+        NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)
+    ],
+    centre_px: Annotated[NDArray[numpy.float64], dict(shape=(2), order="C")],
+) -> list[PlaneMotion]:
+    """
+    Up to two motions of a picture within its plane, turned by up to 34 degrees about centre_px, the best first; none where there is none to be found.
+    """
+
+def self_similarity(
+    picture: Annotated[
+        NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)
+    ],
+) -> float:
+    """
+    How much a (height, width) uint8 picture looks like itself elsewhere, 0..1: near 1 where a pattern repeats.
+    """
+
 class RobustLoss(enum.Enum):
     """Weight functions of robust adjustment."""
 
@@ -988,7 +1038,7 @@ class OdometryConfig:
     def describe() -> dict: ...
     @property
     def front_end(self) -> object:
-        """how homologous points are found: patch or paper"""
+        """how homologous points are found: patch, grid (looking down) or paper"""
 
     @property
     def points(self) -> object:
@@ -1086,13 +1136,15 @@ class Reason(enum.Enum):
 
     no_parallax = 4
 
-    calibration_does_not_fit = 5
+    ambiguous = 5
 
-    frames_missing = 6
+    calibration_does_not_fit = 6
 
-    left_right_swapped = 7
+    frames_missing = 7
 
-    left_right_out_of_step = 8
+    left_right_swapped = 8
+
+    left_right_out_of_step = 9
 
 class OdometryResult:
     """What is known of one stereo pair."""
@@ -1113,6 +1165,14 @@ class OdometryResult:
     def covariance(self) -> Annotated[NDArray[numpy.float64], dict(shape=(6, 6), order="F")] | None:
         """
         (6, 6): x y z in metres along the world's axes, rotation in radians about them
+        """
+
+    @property
+    def segment_covariance(
+        self,
+    ) -> Annotated[NDArray[numpy.float64], dict(shape=(6, 6), order="F")]:
+        """
+        The same given the first pose of the segment, without the rig's own errors.
         """
 
     @property
@@ -1186,6 +1246,116 @@ class StereoOdometry:
 
     @property
     def adjustment_cpu_ms(self) -> float: ...
+
+class JudgeConfig:
+    """Everything that can be set of the judge, with its defaults."""
+
+    def __init__(self) -> None: ...
+    def to_dict(self) -> dict: ...
+    @staticmethod
+    def from_dict(values: dict) -> JudgeConfig:
+        """
+        The defaults with `values` changed; ValueError names a bad key or value.
+        """
+
+    def __setattr__(self, arg0: str, arg1: object, /) -> None: ...
+    @staticmethod
+    def describe() -> dict: ...
+    @property
+    def rule(self) -> object:
+        """chi_square: join by covariance; paper: choose by m_q"""
+
+    @property
+    def window_s(self) -> object:
+        """motions over so long are compared; longer sees smaller faults, later"""
+
+    @property
+    def confidence(self) -> object:
+        """part of sound motions that passes the chi-square test"""
+
+    @property
+    def paper_limit_m(self) -> object:
+        """paper: dX, dY or dZ may differ from the calibrated value by so much"""
+
+    @property
+    def rejoin_s(self) -> object:
+        """what was set aside is believed again after agreeing for so long"""
+
+    @property
+    def scale_sigma(self) -> object:
+        """
+        relative error of lengths that all pairs share (1 sigma), part of each covariance
+        """
+
+class Belief(enum.Enum):
+    """What the judge makes of one stereo pair at an instant."""
+
+    joined = 0
+    """Believed."""
+
+    disagrees = 1
+    """Moves otherwise than the others."""
+
+    lost = 2
+    """Gives no pose; its reason says why."""
+
+    absent = 3
+    """Gives no pictures."""
+
+class PairVerdict:
+    """What one stereo pair contributes at an instant."""
+
+    @property
+    def belief(self) -> Belief: ...
+    @property
+    def status(self) -> Status: ...
+    @property
+    def reason(self) -> Reason: ...
+    @property
+    def m_q(self) -> float: ...
+    @property
+    def difference(self) -> Annotated[NDArray[numpy.float64], dict(shape=(6), order="C")]:
+        """
+        (6,): motion over the window against that of the others, in the robot's frame: metres, then radians.
+        """
+
+    @property
+    def chi_square(self) -> float:
+        """Of it; 6 degrees of freedom."""
+
+class JointResult:
+    """The joint trajectory at an instant."""
+
+    @property
+    def timestamp_ns(self) -> int: ...
+    @property
+    def status(self) -> Status: ...
+    @property
+    def world_from_robot(self) -> Transform | None:
+        """None if lost."""
+
+    @property
+    def covariance(self) -> Annotated[NDArray[numpy.float64], dict(shape=(6, 6), order="F")] | None:
+        """
+        (6, 6): x y z in metres along the world's axes, rotation in radians about them.
+        """
+
+    @property
+    def segment(self) -> int: ...
+    @property
+    def pairs(self) -> list[PairVerdict]: ...
+
+class Judge:
+    """Compares the trajectories of a robot's stereo pairs and joins them."""
+
+    def __init__(self, *, pairs: int, config: JudgeConfig = ...) -> None: ...
+    def add(self, pair: int, result: OdometryResult) -> list[JointResult]:
+        """
+        Take what a pair's odometry said (OdometryResult of the robot); return the JointResults that it decides. ValueError when times do not rise.
+        """
+
+    def finish(self) -> list[JointResult]:
+        """Return the JointResults that still wait for other pairs."""
 
 class SurfaceLayer:
     """One octave band of a surface's brightness."""

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "odometry/result.hpp"
+
+namespace pilotage {
+
+/// How trajectories of one robot from several stereo pairs become one.
+enum class JudgeRule {
+  chi_square,  ///< joined by covariance while they agree within their covariances
+  paper,       ///< rover paper: of two that differ by too much, the one with the smaller m_q
+};
+
+/// Everything that can be set of the judge; the only home of the defaults.
+struct JudgeConfig {
+  JudgeRule rule = JudgeRule::chi_square;
+  double window_s = 1.0;
+  double confidence = 0.9999;
+  double paper_limit_m = 0.05;
+  double rejoin_s = 1.0;
+  double scale_sigma = 0.01;
+  double stamp_sigma_s = 0.001;
+
+  template <typename Self, typename Visitor>
+  static void visit(Self& config, Visitor&& visitor) {
+    visitor("rule", config.rule, "chi_square: join by covariance; paper: choose by m_q");
+    visitor("window_s", config.window_s, 0.05, 30.0,
+            "motions over so long are compared; longer sees smaller faults, later");
+    visitor("confidence", config.confidence, 0.5, 1 - 1e-12,
+            "part of sound motions that passes the chi-square test");
+    visitor("paper_limit_m", config.paper_limit_m, 1e-4, 10.0,
+            "paper: dX, dY or dZ may differ from the calibrated value by so much");
+    visitor("rejoin_s", config.rejoin_s, 0.0, 60.0,
+            "what was set aside is believed again after agreeing for so long");
+    visitor("scale_sigma", config.scale_sigma, 0.0, 0.1,
+            "relative error of lengths that all pairs share (1 sigma), part of each covariance");
+    visitor("stamp_sigma_s", config.stamp_sigma_s, 0.0, 1.0,
+            "how far off the time stamps of two pairs may be (1 sigma)");
+  }
+};
+
+enum class Belief {
+  joined,     ///< believed
+  disagrees,  ///< sound by itself, but its motion is not that of the others
+  lost,       ///< gives no pose; its own reason says why
+  absent,     ///< gives no pictures
+};
+
+/// What one stereo pair contributes at an instant.
+struct PairVerdict {
+  Belief belief = Belief::absent;
+  Status status = Status::lost;
+  Reason reason = Reason::none;
+  float m_q = 0;
+  /// Motion over the window against that of the joint trajectory, in the robot's frame: metres,
+  /// radians. With a calibration that holds it is zero but for errors.
+  Vector6d difference = Vector6d::Zero();
+  double chi_square = 0;  ///< of that difference, 6 degrees of freedom
+};
+
+struct JointResult {
+  std::int64_t timestamp_ns = 0;
+  Status status = Status::lost;
+  std::optional<Transform> world_from_robot;
+  Matrix6d covariance = Matrix6d::Zero();  ///< as in `OdometryResult`
+  int segment = 0;
+  std::vector<PairVerdict> pairs;
+};
+
+/// Compares the trajectories of any number of stereo pairs on one robot and joins them.
+///
+/// Each gives poses of the same robot, so that with a calibration that holds the motions between
+/// two instants must be equal. Over a sliding window the difference of two motions is tested
+/// against both covariances (chi-square). Poses of those that agree are averaged by covariance; of
+/// those that disagree the more plausible is believed: the one that goes on moving as the robot
+/// did, that is not degraded, and whose y-parallax is the usual one. Shutters need not coincide:
+/// poses are interpolated between time stamps.
+class Judge {
+ public:
+  /// Throws std::invalid_argument for fewer than one pair.
+  Judge(int pairs, const JudgeConfig& config);
+
+  /// What a pair's odometry said; of each pair times must rise. Returns what is decided by it.
+  /// The instants are those of the first pair while it gives pictures, else of the next one.
+  std::vector<JointResult> add(int pair, const OdometryResult& result);
+  /// Decides what still waits for the other pairs.
+  std::vector<JointResult> finish();
+
+ private:
+  struct Seen {
+    std::int64_t timestamp_ns;
+    OdometryResult result;
+  };
+  /// A pair's pose at an instant.
+  struct Sight {
+    bool has_pictures = false;
+    bool has_pose = false;
+    Status status = Status::lost;
+    Reason reason = Reason::none;
+    int segment = 0;
+    float m_q = 0;
+    int inliers = 0;
+    Transform world_from_robot;              ///< the pair's own world
+    Matrix6d covariance = Matrix6d::Zero();  ///< of the pair's own segment
+  };
+  struct Source {
+    std::deque<Seen> seen;
+    double period_s = 0;
+    bool is_believed = true;
+    bool was_joined = false;  ///< at the last instant
+    std::int64_t agreeing_since_ns = 0;
+    double usual_m_q = 0, usual_inliers = 0;
+    /// Joint world from the pair's own, fixed when it was believed, and what was known then.
+    std::optional<Transform> joint_from_own;
+    int segment = -1;  ///< that of the last sight
+    int anchor_segment = -1;
+    Transform anchor;            ///< own pose then
+    Matrix6d anchor_covariance;  ///< of that pose in the pair's segment
+    Matrix6d joint_covariance;   ///< of the joint pose then
+  };
+  struct Instant {
+    std::int64_t timestamp_ns;
+    std::vector<Sight> sights;
+    JointResult joint;
+    Matrix6d path_covariance = Matrix6d::Zero();  ///< without errors of scale
+  };
+  struct Motion {
+    Transform before_from_now;
+    Matrix6d covariance;  ///< about the robot's axes at the end: position, rotation
+  };
+
+  bool is_decidable(std::int64_t timestamp_ns) const;
+  std::vector<JointResult> decide_ready(bool is_last);
+  JointResult decide(std::int64_t timestamp_ns);
+  Sight sight_at(const Source& source, std::int64_t timestamp_ns) const;
+  std::optional<Motion> motion_of(int pair, const Instant& from, const Instant& to) const;
+  const Instant* window_start(std::int64_t timestamp_ns) const;
+  void compare(Instant& now, std::vector<char>& agrees);
+  double chi_square_of(const Motion& a, const Motion& b, double elapsed_s,
+                       Vector6d& difference) const;
+  void choose_by_chi_square(Instant& now);
+  void believe(unsigned chosen, unsigned candidates, Instant& now);
+  void choose_by_m_q(Instant& now);
+  double implausibility(int pair, const Instant& now) const;
+  void learn(const Instant& now);
+  void join(Instant& now);
+  void anchor_all(const std::vector<char>& believed, const Instant& now);
+  bool is_carried(int pair, const Instant& now) const;
+  void begin(int pair, const Instant& now);
+  void average(const std::vector<char>& believed, Instant& now);
+  void anchor(int pair, const Instant& at);
+  void trim(std::int64_t timestamp_ns);
+
+  JudgeConfig config_;
+  double limit_;  ///< of chi-square
+  std::vector<Source> sources_;
+  std::deque<Instant> instants_;  ///< those of the window and a little more
+  std::deque<std::int64_t> waiting_;
+  std::int64_t decided_ns_;
+  int segment_ = 0;
+  double usual_chi_square_;  ///< of those that agree
+  Vector6d usual_jerk2_;     ///< mean square of how the twist changes from instant to instant
+  Transform last_pose_;
+  Matrix6d last_covariance_ = Matrix6d::Zero();
+  std::optional<std::int64_t> last_ns_;  ///< of that pose
+  std::optional<std::int64_t> segment_began_ns_;
+};
+
+}  // namespace pilotage
