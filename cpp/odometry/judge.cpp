@@ -14,6 +14,8 @@ constexpr double ns = 1e-9;
 /// Of a pair's period: stamps that differ by less are of one instant, and a pose is carried on for
 /// so long by the motion before.
 constexpr double same_instant = 0.3;
+/// Where no motion is known, a pose holds for so long.
+constexpr double nearly_there_s = 0.003;
 /// A pair silent for so many of its periods gives no pictures.
 constexpr double silent_periods = 1.5;
 constexpr double unknown_period_s = 0.2;
@@ -183,7 +185,7 @@ Judge::Sight Judge::sight_at(const Source& source, std::int64_t timestamp_ns) co
   const bool has_both = a.world_from_robot && b.world_from_robot && a.segment == b.segment &&
                         span_s > 0 && span_s < 2.5 * period_s;
   if (!is_there && !has_both) {
-    sight.has_pose = away_s < same_instant * period_s;
+    sight.has_pose = away_s < nearly_there_s;
   } else {
     sight.has_pose =
         is_there || timestamp_ns < second->timestamp_ns || away_s < same_instant * period_s;
@@ -463,12 +465,13 @@ void Judge::join(Instant& now) {
   bool is_same = true;
   for (std::size_t i = 0; i < sources_.size(); ++i) {
     believed[i] = now.joint.pairs[i].belief == Belief::joined;
-    is_same = is_same && believed[i] == sources_[i].was_joined;
+    is_same = is_same && believed[i] == sources_[i].was_joined &&
+              (!believed[i] || is_carried(static_cast<int>(i), now));
+    sources_[i].was_joined = believed[i];
   }
   now.joint.segment = segment_;
   if (std::none_of(believed.begin(), believed.end(), [](char b) { return b; })) return;
   if (!is_same) anchor_all(believed, now);
-  for (std::size_t i = 0; i < sources_.size(); ++i) sources_[i].was_joined = believed[i];
   average(believed, now);
   const bool is_sound =
       std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(), [](const PairVerdict& v) {

@@ -19,23 +19,48 @@ constexpr int patch_columns = 4, patch_rows = 3;
 constexpr int fewest_votes = 4;
 /// Nearer shifts belong to the same peak, px of the small copies.
 constexpr int separation_px = 5;
+constexpr int flat_radius_px = 4;
 constexpr int similar_levels = 2;
 
-/// A picture halved until it is small.
+/// Less its mean over the neighbourhood: shadows and large patches of colour are as broad as the
+/// correlation's peak then becomes, and a sharp peak tells a turn from a shift.
+void flatten(const ImageView& image, Image& flat) {
+  flat.resize(image.width, image.height);
+  for (int y = 0; y < image.height; ++y) {
+    const int top = std::max(0, y - flat_radius_px),
+              bottom = std::min(image.height - 1, y + flat_radius_px);
+    for (int x = 0; x < image.width; ++x) {
+      const int left = std::max(0, x - flat_radius_px),
+                right = std::min(image.width - 1, x + flat_radius_px);
+      int sum = 0;
+      for (int r = top; r <= bottom; ++r) {
+        for (int c = left; c <= right; ++c) sum += image.at(c, r);
+      }
+      const int mean = sum / ((bottom - top + 1) * (right - left + 1));
+      flat.row(y)[x] =
+          static_cast<std::uint8_t>(std::clamp(128 + 2 * (image.at(x, y) - mean), 0, 255));
+    }
+  }
+}
+
+/// A picture halved until it is small, and flattened.
 struct Small {
-  std::vector<Image> halved;
-  ImageView view;
+  Image picture;
   double scale = 1;  ///< pixels of the picture for one of the copy
 
-  explicit Small(const ImageView& picture, int width_px = small_width_px) : view(picture) {
+  explicit Small(const ImageView& whole, int width_px = small_width_px) {
+    Image halved;
+    ImageView view = whole;
     while (view.width > width_px && std::min(view.width, view.height) >= 4 * side) {
       Image half;
       halve(view, half);
-      halved.push_back(std::move(half));
-      view = halved.back().view();
+      halved = std::move(half);
+      view = halved.view();
       scale *= 2;
     }
+    flatten(view, picture);
   }
+  ImageView view() const { return picture.view(); }
 };
 
 /// Votes for shifts, of the small copy's pixels, around none.
@@ -68,8 +93,8 @@ struct Votes {
   float mean(std::size_t i) const {
     return count[i] >= fewest_votes ? sum[i] / static_cast<float>(count[i]) : -1;
   }
-  /// Chance makes means of few votes high.
-  float weight(std::size_t i) const { return mean(i) * std::sqrt(static_cast<float>(count[i])); }
+  /// Few votes are high by chance, and many low ones are worth nothing to the third power.
+  float weight(std::size_t i) const { return count[i] >= fewest_votes ? sum[i] : 0; }
 };
 
 Eigen::Matrix2f turn_of(double angle_rad) {
@@ -78,6 +103,13 @@ Eigen::Matrix2f turn_of(double angle_rad) {
   Eigen::Matrix2f turn;
   turn << c, -s, s, c;
   return turn;
+}
+
+/// The `i`-th of `count` places along a side, such that turned patches stay inside.
+float along(int length, int i, int count) {
+  constexpr float margin = 0.72f * side;
+  const float inner = static_cast<float>(length - 1) - 2 * margin;
+  return margin + inner * static_cast<float>(i) / static_cast<float>(count - 1);
 }
 
 /// Patches of `reference`, turned, vote with all places of `current`.
@@ -90,9 +122,8 @@ Votes vote(const ImageView& reference, const ImageView& current, const Eigen::Ve
   const int width = current.width - side + 1, height = current.height - side + 1;
   for (int r = 0; r < patch_rows; ++r) {
     for (int c = 0; c < patch_columns; ++c) {
-      const Eigen::Vector2f place(
-          (static_cast<float>(c) + 0.5f) * static_cast<float>(reference.width) / patch_columns,
-          (static_cast<float>(r) + 0.5f) * static_cast<float>(reference.height) / patch_rows);
+      const Eigen::Vector2f place(along(reference.width, c, patch_columns),
+                                  along(reference.height, r, patch_rows));
       if (!sample_patch(reference, place, back, patch)) continue;
       correlate(patch, current, 0, 0, width, height, map);
       const Eigen::Vector2f expected = turn * (place - centre) + centre;
@@ -150,7 +181,7 @@ std::vector<PlaneMotion> find_plane_motions(const ImageView& reference, const Im
   const int steps = static_cast<int>(std::ceil(options.largest_turn_rad / options.turn_step_rad));
   Best best;
   const auto try_angle = [&](double angle_rad) {
-    const Best here = best_of(vote(from.view, to.view, centre, angle_rad), angle_rad);
+    const Best here = best_of(vote(from.view(), to.view(), centre, angle_rad), angle_rad);
     if (here.weight > best.weight) best = here;
   };
   for (int step = -steps; step <= steps; ++step) try_angle(step * options.turn_step_rad);
@@ -158,7 +189,7 @@ std::vector<PlaneMotion> find_plane_motions(const ImageView& reference, const Im
   const double coarse_rad = best.angle_rad;
   try_angle(coarse_rad - 0.5 * options.turn_step_rad);
   try_angle(coarse_rad + 0.5 * options.turn_step_rad);
-  const Best rival = rival_of(vote(from.view, to.view, centre, best.angle_rad), best);
+  const Best rival = rival_of(vote(from.view(), to.view(), centre, best.angle_rad), best);
   std::vector<PlaneMotion> motions;
   for (const Best& found : {best, rival}) {
     if (found.weight > 0 && std::cbrt(found.mean) >= options.min_score) {
@@ -173,7 +204,7 @@ double self_similarity(const ImageView& picture) {
   int width_px = small_width_px;
   for (int level = 0; level < similar_levels; ++level, width_px *= 2) {
     const Small small(picture, width_px);
-    const Votes votes = vote(small.view, small.view, Eigen::Vector2f::Zero(), 0);
+    const Votes votes = vote(small.view(), small.view(), Eigen::Vector2f::Zero(), 0);
     const Best rival = rival_of(votes, Best{});
     if (rival.weight > 0) similar = std::max<double>(similar, std::cbrt(rival.mean));
   }
