@@ -10,6 +10,7 @@
 
 #include "rendering/surface_point.hpp"
 #include "rendering/surface_reader.hpp"
+#include "rendering/texture_reader.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {
 
@@ -252,10 +253,22 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
   Ints dark{};
   const Floats light = sun_and_sky(point, normal, mask, shading, dark) +
                        lamp_light(point, normal, mask, shading, dark);
-  for (int c = 0; c < channels_; ++c) {
-    const float tint = channels_ == 1 ? material.colour.dot(Eigen::Vector3f(0.299f, 0.587f, 0.114f))
-                                      : material.colour[c];
-    seen.radiance[c] = mask ? tint * albedo * light : seen.radiance[c];
+  const Eigen::Vector3f to_grey(0.299f, 0.587f, 0.114f);
+  if (shape.texture) {
+    Floats shown[3]{};
+    read_texture(shape, pixels.rays, distance, at, by_x, by_y, mask, pixels.most_probes, shown);
+    for (int c = 0; c < 3; ++c) shown[c] *= material.colour[c];
+    if (channels_ == 1) {
+      shown[0] = to_grey[0] * shown[0] + to_grey[1] * shown[1] + to_grey[2] * shown[2];
+    }
+    for (int c = 0; c < channels_; ++c) {
+      seen.radiance[c] = mask ? shown[c] * albedo * light : seen.radiance[c];
+    }
+  } else {
+    for (int c = 0; c < channels_; ++c) {
+      const float tint = channels_ == 1 ? material.colour.dot(to_grey) : material.colour[c];
+      seen.radiance[c] = mask ? tint * albedo * light : seen.radiance[c];
+    }
   }
   seen.key = mask ? (key_of_lights * (2 * (shape.index + 1) + square) + dark) : seen.key;
 }
@@ -345,6 +358,8 @@ inline void Caster::cast(const PixelRays* rays, int groups, const Chosen& candid
   if (!shading) {
     const std::optional<Sphere> lit = hits(rays, groups, seen);
     shading = lit ? choose_shading(*lit) : Shading{};
+    // Samples on an edge may still hit what no ray of the tile does.
+    while (shading->lamps.size() < lamps_.size()) shading->lamps.push_back({});
   }
   for (int g = 0; g < groups; ++g) shade(rays[g], candidates, *shading, surfaces, seen[g]);
 }
