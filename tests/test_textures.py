@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: one test a rule of MuJoCo's mapping, and the scenes they share.
 """Textures of MJCF materials: where MuJoCo lays them, and as bright as they are."""
 
 from __future__ import annotations

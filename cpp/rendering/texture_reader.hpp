@@ -93,6 +93,7 @@ __attribute__((noinline)) inline void read_texture(const PlacedShape& shape, con
   const TexturePoint at = texture_at(shape, rays, distance, hit);
   const TextureFilter filter = filter_for(texture, at, by_x, by_y, most_probes);
   const bool is_cube = texture.is_cube();
+  for (Floats& channel : shown) channel = splat(0);
   for (int k = 0; k < count; ++k) {
     if (!mask[k]) continue;
     const std::vector<Texture::Level>& copies = texture.levels(at.face[k]);

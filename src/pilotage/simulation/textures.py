@@ -83,9 +83,9 @@ def read_texels(model: Any, texture: int) -> NDArray[np.uint16]:
     height, width, channels = values.shape
     colours = values[..., [0, 0, 0] if channels < 3 else [0, 1, 2]]
     is_srgb = colour_space == int(mujoco.mjtColorSpace.mjCOLORSPACE_SRGB)
-    texels = _linear_table(is_srgb=is_srgb)[colours]
+    texels: NDArray[np.uint16] = _linear_table(is_srgb=is_srgb)[colours]
     if model.tex_type[texture] == FLAT:
-        return texels[None]
+        return texels.reshape(1, height, width, 3)
     if height == width:
         return np.tile(texels, (6, 1, 1, 1))
     return texels.reshape(6, width, width, 3)
@@ -122,7 +122,7 @@ def _is_laid_flat(model: Any, geom: int) -> bool:
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         return bool(model.mesh_texcoordadr[model.geom_dataid[geom]] < 0)
     is_endless = kind == mujoco.mjtGeom.mjGEOM_PLANE and min(model.geom_size[geom, :2]) <= 0
-    return is_endless or kind == mujoco.mjtGeom.mjGEOM_HFIELD
+    return bool(is_endless or kind == mujoco.mjtGeom.mjGEOM_HFIELD)
 
 
 def _texture_of(model: Any, material: int) -> int:
