@@ -54,11 +54,11 @@ def photograph_view(picture: Array) -> View:
 def ground_view(kind: str, pixel_m: float) -> View:
     """Return views of a rendered ground from above."""
     scene = _core.Scene()
-    made = SurfacePainter(scene).material(kind, albedo=0.4, colour=(1, 1, 1), seed=5, scale=1)
+    layers = SurfacePainter(scene).layers(kind, albedo=0.4, seed=5, scale=1)
     scene.add_shape(
         kind=_core.ShapeKind.plane,
         size_m=[0, 0, 0],
-        material=scene.add_material(made),
+        material=scene.add_material(_core.Material(albedo=0.4, layers=layers)),
         world_from_shape=Transform(),
     )
     scene.set_light(to_sun=[0.3, 0.2, 0.9], sun=0.7, sky=0.3, background=0)

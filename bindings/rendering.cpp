@@ -19,6 +19,9 @@ using namespace nb::literals;
 
 using Grid = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Vertices = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Places = nb::ndarray<const float, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Texels =
+    nb::ndarray<const std::uint16_t, nb::shape<-1, -1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using Faces = nb::ndarray<const std::int32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 
 int add_exemplar(Scene& scene, const Grid& values) {
@@ -32,7 +35,15 @@ int add_height_field(Scene& scene, const Grid& heights_m, double half_x_m, doubl
                                 {heights_m.data(), heights_m.size()});
 }
 
-int add_mesh(Scene& scene, const Vertices& vertices, const Faces& faces) {
+int add_texture(Scene& scene, const Texels& texels) {
+  return scene.add_texture({static_cast<int>(texels.shape(0)),
+                            static_cast<int>(texels.shape(2)),
+                            static_cast<int>(texels.shape(1)),
+                            {texels.data(), texels.size()}});
+}
+
+int add_mesh(Scene& scene, const Vertices& vertices, const Faces& faces,
+             const std::optional<Places>& texture) {
   Triangles mesh;
   for (std::size_t i = 0; i < vertices.shape(0); ++i) {
     mesh.vertices.emplace_back(vertices(i, 0), vertices(i, 1), vertices(i, 2));
@@ -40,12 +51,17 @@ int add_mesh(Scene& scene, const Vertices& vertices, const Faces& faces) {
   for (std::size_t i = 0; i < faces.shape(0); ++i) {
     mesh.faces.emplace_back(faces(i, 0), faces(i, 1), faces(i, 2));
   }
+  for (std::size_t i = 0; texture && i < texture->shape(0); ++i) {
+    mesh.texture.emplace_back((*texture)(i, 0), (*texture)(i, 1));
+  }
   return scene.add_mesh(std::move(mesh));
 }
 
 int add_shape(Scene& scene, ShapeKind kind, const std::array<double, 3>& size_m, int material,
-              const Transform& world_from_shape, int data) {
-  return scene.add_shape({kind, Eigen::Vector3d(size_m.data()), material, data, world_from_shape});
+              const Transform& world_from_shape, int data,
+              const std::array<double, 3>& texture_scale) {
+  return scene.add_shape({kind, Eigen::Vector3d(size_m.data()), material, data, world_from_shape,
+                          Eigen::Vector3d(texture_scale.data())});
 }
 
 void set_light(Scene& scene, const std::array<double, 3>& to_sun, float sun, float sky,
@@ -106,17 +122,24 @@ void bind_looks(nb::module_& m) {
           "has_grain"_a = false,
           "exemplar: index in the scene; amplitude: albedo per unit of it; texel_m: metres; "
           "has_grain: has a direction of its own, so is never turned.");
-  nb::class_<Material>(m, "Material", "How a shape looks: (albedo + layers) times colour.")
+  nb::class_<Material>(m, "Material",
+                       "How a shape looks: (albedo + layers) times colour times texture.")
       .def(
           "__init__",
           [](Material* self, float albedo, const std::array<float, 3>& colour,
-             std::vector<SurfaceLayer> layers, float checker_m, float dark_albedo) {
-            new (self) Material{Eigen::Vector3f(colour.data()), albedo, std::move(layers),
-                                checker_m, dark_albedo};
+             std::vector<SurfaceLayer> layers, float checker_m, float dark_albedo, int texture) {
+            new (self) Material{Eigen::Vector3f(colour.data()),
+                                albedo,
+                                std::move(layers),
+                                checker_m,
+                                dark_albedo,
+                                texture};
           },
           nb::kw_only(), "albedo"_a = 0.5f, "colour"_a = std::array<float, 3>{1, 1, 1},
           "layers"_a = std::vector<SurfaceLayer>{}, "checker_m"_a = 0.0f, "dark_albedo"_a = 0.05f,
-          "colour: red, green, blue factors; checker_m: side of squares, metres, 0 for none.");
+          "texture"_a = -1,
+          "colour: red, green, blue factors; checker_m: side of squares, metres, 0 for none; "
+          "texture: index in the scene, -1 for none.");
 }
 
 void bind_scene(nb::module_& m) {
@@ -133,14 +156,23 @@ void bind_scene(nb::module_& m) {
       .def(nb::init<>())
       .def("add_exemplar", &add_exemplar, "values"_a,
            "A (side, side) float32 sample of a texture in [-1, 1] that wraps around.")
+      .def("add_texture", &add_texture, "texels"_a,
+           "Red, green, blue (faces, H, W, 3) uint16, 65535 for white, rows from the top: one face "
+           "that repeats, or a cube's +x, -x, +y, -y, +z, -z as OpenGL lays them.")
       .def("add_material", &Scene::add_material, "material"_a)
       .def("add_height_field", &add_height_field, nb::kw_only(), "heights_m"_a, "half_x_m"_a,
            "half_y_m"_a, "Heights (rows, columns) float32, rows from -y, columns from -x, metres.")
-      .def("add_mesh", &add_mesh, nb::kw_only(), "vertices_m"_a, "faces"_a,
-           "Vertices (N, 3) float32, metres, and faces (M, 3) int32.")
+      .def(
+          "add_mesh", &add_mesh, nb::kw_only(), "vertices_m"_a, "faces"_a, "texture"_a = nb::none(),
+          "Vertices (N, 3) float32, metres, and faces (M, 3) int32; texture: (N, 2) float32, their "
+          "places in a texture in repeats of it, from the left and from the top.")
       .def("add_shape", &add_shape, nb::kw_only(), "kind"_a, "size_m"_a, "material"_a,
-           "world_from_shape"_a, "data"_a = -1,
-           "Sizes as MuJoCo's geom; data: which height field or mesh. Throws ValueError.")
+           "world_from_shape"_a, "data"_a = -1, "texture_scale"_a = std::array<double, 3>{1, 1, 1},
+           "Sizes as MuJoCo's geom; data: which height field or mesh; texture_scale: repeats of a "
+           "texture over the shape (a metre of height fields, endless planes and meshes without "
+           "places), of "
+           "a "
+           "cube's the scale of the directions. Throws ValueError.")
       .def("set_pose", &Scene::set_pose, "shape"_a, "world_from_shape"_a)
       .def(
           "set_light", &set_light, nb::kw_only(), "to_sun"_a, "sun"_a, "sky"_a, "background"_a,

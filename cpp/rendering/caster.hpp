@@ -10,6 +10,7 @@
 
 #include "rendering/surface_point.hpp"
 #include "rendering/surface_reader.hpp"
+#include "rendering/texture_reader.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {
 
@@ -221,6 +222,21 @@ inline void Caster::shade(const PixelRays& pixels, const Chosen& candidates, con
   }
 }
 
+/// Colours, times what a texture shows where there is one; for a grey picture their luminance.
+PILOTAGE_INLINE void tint(const Eigen::Vector3f& colour, int channels, bool has_texture,
+                          Floats (&tints)[3]) {
+  const Eigen::Vector3f to_grey(0.299f, 0.587f, 0.114f);
+  if (!has_texture) {
+    for (int c = 0; c < channels; ++c) {
+      tints[c] = splat(channels == 1 ? colour.dot(to_grey) : colour[c]);
+    }
+    return;
+  }
+  for (int c = 0; c < 3; ++c) tints[c] *= colour[c];
+  if (channels > 1) return;
+  tints[0] = to_grey[0] * tints[0] + to_grey[1] * tints[1] + to_grey[2] * tints[2];
+}
+
 inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
                                 const Shading& shading, SurfaceReader& surfaces, Seen& seen) const {
   const int typical = typical_lane(mask);
@@ -233,8 +249,7 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
   // How the hit moves when the pixel does: along the surface's tangent plane.
   const auto moved = [&](const Vectors& change) {
     const Vectors e = to_shape(shape, change);
-    const Floats along = dot(e, at.normal) / grazing;
-    return distance * (e - along * direction);
+    return distance * (e - (dot(e, at.normal) / grazing) * direction);
   };
   const Vectors by_x = moved(pixels.per_x), by_y = moved(pixels.per_y);
   const Footprint footprint{dot(by_x, at.u_axis), dot(by_x, at.v_axis), dot(by_y, at.u_axis),
@@ -252,10 +267,13 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
   Ints dark{};
   const Floats light = sun_and_sky(point, normal, mask, shading, dark) +
                        lamp_light(point, normal, mask, shading, dark);
+  Floats tints[3];
+  if (shape.texture) {
+    read_texture(shape, pixels.rays, distance, at, by_x, by_y, mask, pixels.most_probes, tints);
+  }
+  tint(material.colour, channels_, shape.texture != nullptr, tints);
   for (int c = 0; c < channels_; ++c) {
-    const float tint = channels_ == 1 ? material.colour.dot(Eigen::Vector3f(0.299f, 0.587f, 0.114f))
-                                      : material.colour[c];
-    seen.radiance[c] = mask ? tint * albedo * light : seen.radiance[c];
+    seen.radiance[c] = mask ? tints[c] * albedo * light : seen.radiance[c];
   }
   seen.key = mask ? (key_of_lights * (2 * (shape.index + 1) + square) + dark) : seen.key;
 }
@@ -345,6 +363,8 @@ inline void Caster::cast(const PixelRays* rays, int groups, const Chosen& candid
   if (!shading) {
     const std::optional<Sphere> lit = hits(rays, groups, seen);
     shading = lit ? choose_shading(*lit) : Shading{};
+    // Samples on an edge may still hit what no ray of the tile does.
+    while (shading->lamps.size() < lamps_.size()) shading->lamps.push_back({});
   }
   for (int g = 0; g < groups; ++g) shade(rays[g], candidates, *shading, surfaces, seen[g]);
 }

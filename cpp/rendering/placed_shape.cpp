@@ -15,6 +15,7 @@ PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_cen
   for (int i = 0; i < 3; ++i) {
     placed.centre[i] = static_cast<float>(centre[i]);
     placed.size[i] = static_cast<float>(given.size[i]);
+    placed.texture_scale[i] = static_cast<float>(given.texture_scale[i]);
     for (int j = 0; j < 3; ++j) {
       placed.shape_from_world[3 * i + j] = static_cast<float>(shape_from_world(i, j));
     }
@@ -24,6 +25,8 @@ PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_cen
     placed.height_field = &scene.height_fields()[given.data];
   }
   if (given.kind == ShapeKind::mesh) placed.mesh = &scene.meshes()[given.data];
+  const int texture = scene.materials()[given.material].texture;
+  if (texture >= 0) placed.texture = &scene.textures()[texture];
   return placed;
 }
 

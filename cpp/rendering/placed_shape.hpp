@@ -16,6 +16,8 @@ struct PlacedShape {
   float radius = 0;
   const HeightField* height_field = nullptr;
   const TriangleTree* mesh = nullptr;
+  const Texture* texture = nullptr;
+  float texture_scale[3] = {};
 };
 
 PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_centre);

@@ -216,6 +216,18 @@ BOOST_AUTO_TEST_CASE(a_lamp_lights_by_distance_and_angle_and_is_hidden_by_what_s
   BOOST_TEST(at(1.36, 0) == expected(1.36, 0), boost::test_tools::tolerance(1e-3F));
 }
 
+BOOST_AUTO_TEST_CASE(lamps_light_what_only_samples_on_an_edge_hit) {
+  Scene scene;
+  scene.add_shape({ShapeKind::box, {1, 0.5, 0.5}, add_grey(scene), -1, {{1, 0, 0, 0}, {0, 0, 3}}});
+  scene.light = {Vector3d::UnitZ(), 0, 0.1F, 0, 0, {{{0, 0, 1}, 3}}};
+  // The box ends a little beside the rays of the last pixels of a tile, for some of the shifts.
+  for (int shift = 0; shift < 40; ++shift) {
+    const Camera camera{96, 96, 60, 60, 47 + 0.05 * shift, 47 + 0.05 * shift, Distortion::none, {}};
+    const Radiance seen = look(scene, camera, Transform());
+    BOOST_CHECK(std::isfinite(*std::max_element(seen.values.begin(), seen.values.end())));
+  }
+}
+
 /// Distance to the nearest triangle, by solving for its plane's coordinates.
 double nearest_triangle(const Triangles& mesh, const Vector3d& origin, const Vector3d& direction) {
   double nearest = 0;

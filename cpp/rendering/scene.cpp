@@ -55,11 +55,17 @@ int Scene::add_exemplar(int side, std::span<const float> values) {
   return static_cast<int>(exemplars_.size()) - 1;
 }
 
+int Scene::add_texture(Texture texture) {
+  textures_.push_back(std::move(texture));
+  return static_cast<int>(textures_.size()) - 1;
+}
+
 int Scene::add_material(Material material) {
   for (const SurfaceLayer& layer : material.layers) {
     check_index("exemplar", layer.exemplar, exemplars_.size());
     if (!(layer.texel_m > 0)) throw std::invalid_argument("texel_m must be positive");
   }
+  if (material.texture >= 0) check_index("texture", material.texture, textures_.size());
   materials_.push_back(std::move(material));
   return static_cast<int>(materials_.size()) - 1;
 }
@@ -90,6 +96,14 @@ int Scene::add_mesh(Triangles triangles) {
     for (const int vertex : face) check_index("vertex", vertex, triangles.vertices.size());
   }
   if (triangles.faces.empty()) throw std::invalid_argument("a mesh without faces");
+  for (const Eigen::Vector2f& place : triangles.texture) {
+    if (!place.allFinite())
+      throw std::invalid_argument("a mesh's place in a texture is not finite");
+  }
+  if (!triangles.texture.empty() && triangles.texture.size() != triangles.vertices.size()) {
+    throw std::invalid_argument(std::to_string(triangles.vertices.size()) + " vertices with " +
+                                std::to_string(triangles.texture.size()) + " places in a texture");
+  }
   meshes_.emplace_back(std::move(triangles));
   return static_cast<int>(meshes_.size()) - 1;
 }
@@ -106,6 +120,7 @@ int Scene::add_shape(const Shape& shape) {
                                   "] = " + std::to_string(shape.size[i]) + " must be positive");
     }
   }
+  if (!shape.texture_scale.allFinite()) throw std::invalid_argument("texture_scale is not finite");
   shapes_.push_back(shape);
   return static_cast<int>(shapes_.size()) - 1;
 }

@@ -9,6 +9,7 @@
 #include "geometry/transform.hpp"
 #include "rendering/exemplar.hpp"
 #include "rendering/surface_tiles.hpp"
+#include "rendering/texture.hpp"
 #include "rendering/triangle_tree.hpp"
 
 namespace pilotage {
@@ -35,7 +36,7 @@ struct SurfaceLayer {
   bool has_grain = false;  ///< a direction of its own, so that it is mirrored but never turned
 };
 
-/// How a shape looks: grey albedo = mean + layers, times a colour.
+/// How a shape looks: grey albedo = mean + layers, times a colour, times a texture.
 struct Material {
   Eigen::Vector3f colour = Eigen::Vector3f::Ones();
   float albedo = 0.5f;
@@ -43,6 +44,7 @@ struct Material {
   /// Squares of this side in the shape's xy plane, alternating albedo and dark; 0: none.
   float checker_m = 0;
   float dark_albedo = 0.05f;
+  int texture = -1;  ///< which one; -1: none
 };
 
 struct Shape {
@@ -51,6 +53,9 @@ struct Shape {
   int material = 0;
   int data = -1;  ///< which height field or mesh
   Transform world_from_shape;
+  /// Repeats of a texture over what the shape shows once (texture_point.hpp); per metre on height
+  /// fields, endless planes and meshes without places; of a cube's, the scale of the directions.
+  Eigen::Vector3d texture_scale = Eigen::Vector3d::Ones();
 };
 
 /// Light from a point. Radiance of a white surface that faces it from one metre away.
@@ -73,6 +78,7 @@ struct Light {
 class Scene {
  public:
   int add_exemplar(int side, std::span<const float> values);
+  int add_texture(Texture texture);
   int add_material(Material material);
   int add_height_field(int columns, int rows, double half_x_m, double half_y_m,
                        std::span<const float> heights_m);
@@ -81,6 +87,7 @@ class Scene {
   void set_pose(int shape, const Transform& world_from_shape);
 
   const std::vector<Exemplar>& exemplars() const { return exemplars_; }
+  const std::vector<Texture>& textures() const { return textures_; }
   const std::vector<Material>& materials() const { return materials_; }
   const std::vector<HeightField>& height_fields() const { return height_fields_; }
   const std::vector<TriangleTree>& meshes() const { return meshes_; }
@@ -94,6 +101,7 @@ class Scene {
 
  private:
   std::vector<Exemplar> exemplars_;
+  std::vector<Texture> textures_;
   std::vector<Material> materials_;
   std::vector<HeightField> height_fields_;
   std::vector<TriangleTree> meshes_;

@@ -9,6 +9,8 @@ namespace pilotage {
 struct Triangles {
   std::vector<Eigen::Vector3f> vertices;
   std::vector<Eigen::Vector3i> faces;
+  /// Places in a texture, its repeats from the left and from the top; empty or one a vertex.
+  std::vector<Eigen::Vector2f> texture = {};
 };
 
 /// A box about some triangles. Its two halves are the next node and `other`; a leaf has none.

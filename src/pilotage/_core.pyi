@@ -1374,7 +1374,7 @@ class SurfaceLayer:
         """
 
 class Material:
-    """How a shape looks: (albedo + layers) times colour."""
+    """How a shape looks: (albedo + layers) times colour times texture."""
 
     def __init__(
         self,
@@ -1384,9 +1384,10 @@ class Material:
         layers: Sequence[SurfaceLayer] = [],
         checker_m: float = 0.0,
         dark_albedo: float = 0.05000000074505806,
+        texture: int = -1,
     ) -> None:
         """
-        colour: red, green, blue factors; checker_m: side of squares, metres, 0 for none.
+        colour: red, green, blue factors; checker_m: side of squares, metres, 0 for none; texture: index in the scene, -1 for none.
         """
 
 class ShapeKind(enum.Enum):
@@ -1423,6 +1424,17 @@ class Scene:
         A (side, side) float32 sample of a texture in [-1, 1] that wraps around.
         """
 
+    def add_texture(
+        self,
+        texels: Annotated[
+            NDArray[numpy.uint16],
+            dict(shape=(None, None, None, 3), order="C", device="cpu", writable=False),
+        ],
+    ) -> int:
+        """
+        Red, green, blue (faces, H, W, 3) uint16, 65535 for white, rows from the top: one face that repeats, or a cube's +x, -x, +y, -y, +z, -z as OpenGL lays them.
+        """
+
     def add_material(self, material: Material) -> int: ...
     def add_height_field(
         self,
@@ -1447,8 +1459,14 @@ class Scene:
         faces: Annotated[
             NDArray[numpy.int32], dict(shape=(None, 3), order="C", device="cpu", writable=False)
         ],
+        texture: Annotated[
+            NDArray[numpy.float32], dict(shape=(None, 2), order="C", device="cpu", writable=False)
+        ]
+        | None = None,
     ) -> int:
-        """Vertices (N, 3) float32, metres, and faces (M, 3) int32."""
+        """
+        Vertices (N, 3) float32, metres, and faces (M, 3) int32; texture: (N, 2) float32, their places in a texture in repeats of it, from the left and from the top.
+        """
 
     def add_shape(
         self,
@@ -1458,9 +1476,10 @@ class Scene:
         material: int,
         world_from_shape: Transform,
         data: int = -1,
+        texture_scale: Sequence[float] = [1.0, 1.0, 1.0],
     ) -> int:
         """
-        Sizes as MuJoCo's geom; data: which height field or mesh. Throws ValueError.
+        Sizes as MuJoCo's geom; data: which height field or mesh; texture_scale: repeats of a texture over the shape (a metre of height fields, endless planes and meshes without places), of a cube's the scale of the directions. Throws ValueError.
         """
 
     def set_pose(self, shape: int, world_from_shape: Transform) -> None: ...

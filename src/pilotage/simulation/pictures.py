@@ -7,6 +7,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pilotage import Camera, Transform, _core
 from pilotage.errors import InputError
@@ -14,11 +15,13 @@ from pilotage.simulation.options import unknown
 from pilotage.simulation.physics import Simulation
 from pilotage.simulation.scene import SURFACE_PREFIX
 from pilotage.simulation.surfaces import SURFACES, SurfacePainter
+from pilotage.simulation.textures import TexturePainter, read_mesh
 
 LUMINANCE = np.array([0.299, 0.587, 0.114])
 EDGE_SAMPLES = 16
 HIDDEN_GROUP = 3  # geoms of this group and above are not drawn, as in MuJoCo's own viewer
 SUN, SKY, SKY_SLOPE = 0.75, 0.4, 0.4
+NO_COLOUR = (0.5, 0.5, 0.5, 1.0)  # of a geom that leaves it to its material
 INDOORS, EVEN, LAMP, BACKGROUND = 0.35, 1.0, 1.6, 0.9
 KINDS = {
     mujoco.mjtGeom.mjGEOM_PLANE: _core.ShapeKind.plane,
@@ -40,8 +43,9 @@ class Pictures:
         self._model: Any = simulation.model
         self._scene = _core.Scene()
         self._painter = SurfacePainter(self._scene)
+        self._textures = TexturePainter(self._scene, self._model)
         self._notes = _surface_notes(self._model)
-        self._materials: dict[tuple[int, ...] | int, int] = {}
+        self._materials: dict[tuple[int, ...], int] = {}
         self._moving: list[tuple[int, int]] = []  # geom, shape
         for geom in range(self._model.ngeom):
             self._add_geom(geom)
@@ -57,7 +61,7 @@ class Pictures:
         channels: int = 1,
         threads: int = 2,
         built_from_camera: Transform | None = None,
-    ) -> np.ndarray[Any, np.dtype[np.float32]]:
+    ) -> NDArray[np.float32]:
         """Return (H, W) or (H, W, 3) radiance while the rows were exposed from first to last.
 
         `built_from_camera` is where the camera is instead of where it was built in.
@@ -78,9 +82,7 @@ class Pictures:
         )
         return np.asarray(seen["radiance"])
 
-    def depth_m(
-        self, name: str, rays: _core.CameraRays, *, at_ns: int
-    ) -> np.ndarray[Any, np.dtype[np.float32]]:
+    def depth_m(self, name: str, rays: _core.CameraRays, *, at_ns: int) -> NDArray[np.float32]:
         """Return (H, W) depth along the camera's z, metres; 0 where nothing is seen."""
         self._move_things()
         pose = self._simulation.camera_pose(name, at_ns)
@@ -93,7 +95,7 @@ class Pictures:
 
     def _add_geom(self, geom: int) -> None:
         model = self._model
-        is_seen = model.geom_rgba[geom, 3] > 0 and model.geom_group[geom] < HIDDEN_GROUP
+        is_seen = _rgba(model, geom)[3] > 0 and model.geom_group[geom] < HIDDEN_GROUP
         kind = KINDS.get(mujoco.mjtGeom(int(model.geom_type[geom])))
         if not is_seen or kind is None:
             return
@@ -103,6 +105,7 @@ class Pictures:
             material=self._material(geom),
             world_from_shape=self._geom_pose(geom),
             data=self._data(geom, kind),
+            texture_scale=self._textures.scale(geom),
         )
         if (
             model.body_weldid[model.geom_bodyid[geom]] != 0
@@ -129,31 +132,27 @@ class Pictures:
                 half_y_m=half_y_m,
             )
         if kind == _core.ShapeKind.mesh:
-            vertex, face = model.mesh_vertadr[number], model.mesh_faceadr[number]
-            vertices = model.mesh_vert[vertex : vertex + model.mesh_vertnum[number]]
-            faces = model.mesh_face[face : face + model.mesh_facenum[number]]
-            return self._scene.add_mesh(
-                vertices_m=np.ascontiguousarray(vertices, np.float32),
-                faces=np.ascontiguousarray(faces, np.int32),
-            )
+            vertices, faces, texture = read_mesh(model, number)
+            return self._scene.add_mesh(vertices_m=vertices, faces=faces, texture=texture)
         return -1
 
     def _material(self, geom: int) -> int:
-        """Return the scene's material of a geom: by its surface, or one plain colour."""
+        """Return the scene's material of a geom: its colour, with its surface and its texture."""
         model, number = self._model, int(self._model.geom_matid[geom])
-        rgb = (model.mat_rgba[number] if number >= 0 else model.geom_rgba[geom])[:3]
-        key: tuple[int, ...] | int = number if number >= 0 else tuple((255 * rgb).astype(int))
+        rgb = _rgba(model, geom)[:3]
+        key = (number, *(255 * rgb).astype(int).tolist())
         if key not in self._materials:
             albedo = max(0.02, float(rgb @ LUMINANCE))
             red, green, blue = (rgb / albedo).tolist()
             note = self._notes.get(model.material(number).name) if number >= 0 else None
-            if note is None:
-                made = _core.Material(albedo=albedo, colour=(red, green, blue))
-            else:
-                kind, seed, scale = note
-                made = self._painter.material(
-                    kind, albedo=albedo, colour=(red, green, blue), seed=seed, scale=scale
-                )
+            made = _core.Material(
+                albedo=albedo,
+                colour=(red, green, blue),
+                layers=self._painter.layers(note[0], albedo=albedo, seed=note[1], scale=note[2])
+                if note
+                else [],
+                texture=self._textures.index(number),
+            )
             self._materials[key] = self._scene.add_material(made)
         return self._materials[key]
 
@@ -178,6 +177,13 @@ class Pictures:
 def camera_rays(camera: Camera) -> _core.CameraRays:
     """Return the rays of a camera's pixels, made once and used for every picture."""
     return _core.CameraRays(camera)
+
+
+def _rgba(model: Any, geom: int) -> NDArray[np.float32]:
+    """Return a geom's own colour where it has one, else its material's, as MuJoCo does."""
+    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    is_own = material < 0 or not np.array_equal(own, NO_COLOUR)
+    return np.asarray(own if is_own else model.mat_rgba[material])
 
 
 def _surface_notes(model: Any) -> dict[str, tuple[str, int, float]]:

@@ -119,23 +119,17 @@ WITH_GRAIN = {"fibres", "photographed brick"}
 
 
 class SurfacePainter:
-    """Makes the materials of one scene; samples are drawn once for each style."""
+    """Makes the surfaces of one scene; samples are drawn once for each style."""
 
     def __init__(self, scene: _core.Scene) -> None:
         self._scene = scene
         self._exemplars: dict[str, int] = {}
 
-    def material(
-        self,
-        kind: str,
-        *,
-        albedo: float,
-        colour: tuple[float, float, float],
-        seed: int,
-        scale: float,
-    ) -> _core.Material:
-        """Return the surface `kind` of that mean albedo; `scale` 2 is twice as coarse."""
-        layers = [
+    def layers(
+        self, kind: str, *, albedo: float, seed: int, scale: float
+    ) -> list[_core.SurfaceLayer]:
+        """Return the surface `kind` on that mean albedo; `scale` 2 is twice as coarse."""
+        return [
             _core.SurfaceLayer(
                 exemplar=self._exemplar(band.style),
                 amplitude=WIDEST_SIGMA * band.contrast * albedo,
@@ -145,7 +139,6 @@ class SurfacePainter:
             )
             for number, band in enumerate(SURFACES[kind])
         ]
-        return _core.Material(albedo=albedo, colour=colour, layers=layers)
 
     def _exemplar(self, style: str) -> int:
         if style not in self._exemplars:

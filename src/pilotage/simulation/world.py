@@ -13,6 +13,14 @@ import mujoco
 from pilotage.errors import InputError
 from pilotage.simulation.scene import START
 
+# What MuJoCo says of a file that the MJCF names -> what to do about it.
+REMEDIES = {
+    "opening file": "correct the name, or put the file beside the MJCF or into the folder that its "
+    "<compiler> names (texturedir, meshdir)",
+    "decoding PNG": "give a whole PNG file",
+    "unsupported content type": "give a file of a kind it reads, textures as PNG",
+}
+
 
 @dataclass(frozen=True)
 class World:
@@ -35,9 +43,10 @@ class World:
             raise self.fault(error) from error
 
     def fault(self, error: Exception) -> InputError:
-        """Return the error that names this world and MuJoCo's reason."""
+        """Return the error that names this world, MuJoCo's reason and what helps."""
         reason = " ".join(str(error).split())
-        return InputError(f"{self.path or self.name}: no valid MJCF ({reason}); correct it")
+        remedy = next((help_ for part, help_ in REMEDIES.items() if part in reason), "correct it")
+        return InputError(f"{self.path or self.name}: no valid MJCF ({reason}); {remedy}")
 
 
 def start_of(spec: Any, name: str) -> tuple[float, float, float]:
