@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "odometry/pair_history.hpp"
 #include "odometry/result.hpp"
 
 namespace pilotage {
@@ -92,25 +93,8 @@ class Judge {
   std::vector<JointResult> finish();
 
  private:
-  struct Seen {
-    std::int64_t timestamp_ns;
-    OdometryResult result;
-  };
-  /// A pair's pose at an instant.
-  struct Sight {
-    bool has_pictures = false;
-    bool has_pose = false;
-    Status status = Status::lost;
-    Reason reason = Reason::none;
-    int segment = 0;
-    float m_q = 0;
-    int inliers = 0;
-    Transform world_from_robot;              ///< the pair's own world
-    Matrix6d covariance = Matrix6d::Zero();  ///< of the pair's own segment
-  };
   struct Source {
-    std::deque<Seen> seen;
-    double period_s = 0;
+    PairHistory history;
     bool is_believed = true;
     bool was_joined = false;  ///< at the last instant
     std::int64_t agreeing_since_ns = 0;
@@ -137,7 +121,6 @@ class Judge {
   bool is_decidable(std::int64_t timestamp_ns) const;
   std::vector<JointResult> decide_ready(bool is_last);
   JointResult decide(std::int64_t timestamp_ns);
-  Sight sight_at(const Source& source, std::int64_t timestamp_ns) const;
   std::optional<Motion> motion_of(int pair, const Instant& from, const Instant& to) const;
   const Instant* window_start(std::int64_t timestamp_ns) const;
   void compare(Instant& now, std::vector<char>& agrees);
@@ -146,6 +129,8 @@ class Judge {
   void choose_by_chi_square(Instant& now);
   void believe(unsigned chosen, unsigned candidates, Instant& now);
   void choose_by_m_q(Instant& now);
+  static Vector6d joint_twist(const Instant& from, const Instant& to);
+  double worst_move(int pair, const Instant& now) const;
   double implausibility(int pair, const Instant& now) const;
   void learn(const Instant& now);
   void join(Instant& now);

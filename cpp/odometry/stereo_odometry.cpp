@@ -9,7 +9,6 @@
 
 #include "odometry/new_points.hpp"
 #include "odometry/patch_front_end.hpp"
-#include "tracking/plane_motion.hpp"
 
 namespace pilotage {
 namespace {
@@ -22,10 +21,6 @@ constexpr int probes = 60;
 constexpr int coarsest_level = 2;
 /// Of the last keyframe's points: when fewer are found, descriptors are asked too.
 constexpr double sparse_share = 0.15;
-/// Of the points that confirm a motion: when so many confirm another, it is open which it is.
-constexpr double max_rival = 0.7;
-/// Motions that end so near to each other are one.
-constexpr double same_motion_px = 8;
 
 void check_size(const ImageView& image, const RectifiedStereo& stereo, const char* side) {
   if (image.width == stereo.width_px && image.height == stereo.height_px) return;
@@ -38,12 +33,6 @@ void check_size(const ImageView& image, const RectifiedStereo& stereo, const cha
 /// Part `t` of a motion, and beyond it for t > 1.
 Transform part_of(const Transform& motion, double t) {
   return transform_exp(t * transform_log(motion));
-}
-
-/// A recovery from this keyframe that came to nothing has put this landmark there before.
-bool is_followed(const Window& window, int keyframe, const Eigen::Vector2f& left_px) {
-  return std::any_of(window.landmarks().begin(), window.landmarks().end(),
-                     [&](const Landmark& l) { return l.host == keyframe && l.host_px == left_px; });
 }
 
 }  // namespace
@@ -242,49 +231,6 @@ StereoOdometry::Tracked StereoOdometry::follow_patches(PyramidPair& pair,
       track_patches(window_, landmarks, pair, stereo_, world_from_left, coarse_level, config_);
   tracked.step = solve_pose(window_, tracked.matches, stereo_, world_from_left, config_);
   return tracked;
-}
-
-StereoOdometry::Tracked StereoOdometry::recover(PyramidPair& pair) {
-  const std::optional<Recovery::Found> found = recovery_.find(pair);
-  if (!found) return {};
-  const Keyframe& reference = window_.keyframes().back();
-  // What the descriptors agreed on joins the map, so that there is something to follow.
-  for (std::size_t i = 0; i < found->reference_px.size(); ++i) {
-    if (lost_pairs_ > 0 && is_followed(window_, reference.serial, found->reference_px[i])) continue;
-    window_.landmarks().push_back(make_landmark(
-        recovery_.reference(), reference, found->reference_px[i], found->right_x_px[i],
-        static_cast<float>(config_.measurement_sigma_px), stereo_, config_));
-    window_.landmarks().back().was_matched = false;
-  }
-  for (Landmark& landmark : window_.landmarks()) landmark.misses = 0;
-  return follow(pair, reference.world_from_left * found->reference_from_current);
-}
-
-/// What looks straight at a plane sees it turn and move: that is found without corners. Of two
-/// motions the one that the points confirm is taken, and none where they confirm both.
-StereoOdometry::Tracked StereoOdometry::recover_on_plane(PyramidPair& pair) {
-  const Keyframe& reference = window_.keyframes().back();
-  const Transform reference_from_world = reference.world_from_left.inverse();
-  std::vector<float> depths;
-  for (const Landmark& landmark : window_.landmarks()) {
-    depths.push_back(static_cast<float>((reference_from_world * landmark.point_in_world).z()));
-  }
-  const double metres_per_px = quantile(std::move(depths), 0.5) / stereo_.focal_px;
-  Tracked best, rival;
-  for (const PlaneMotion& motion : find_plane_motions(reference.left->level(0), pair.left->level(0),
-                                                      {stereo_.cx_px, stereo_.cy_px})) {
-    Transform current_from_reference;
-    current_from_reference.rotation = rotation_exp({0, 0, motion.turn_rad});
-    current_from_reference.translation.head<2>() = motion.shift_px * metres_per_px;
-    for (Landmark& landmark : window_.landmarks()) landmark.misses = 0;
-    rival = follow(pair, reference.world_from_left * current_from_reference.inverse());
-    if (rival.step.inliers > best.step.inliers) std::swap(rival, best);
-  }
-  const double apart_m =
-      (best.step.world_from_left.translation - rival.step.world_from_left.translation).norm();
-  const bool is_other = apart_m > same_motion_px * metres_per_px;
-  if (is_other && rival.step.inliers > max_rival * best.step.inliers) is_repeating_ = true;
-  return is_repeating_ ? Tracked{} : best;
 }
 
 void StereoOdometry::note_matches(const Tracked& tracked) {

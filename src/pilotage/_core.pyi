@@ -1287,6 +1287,10 @@ class JudgeConfig:
         relative error of lengths that all pairs share (1 sigma), part of each covariance
         """
 
+    @property
+    def stamp_sigma_s(self) -> object:
+        """how far off the time stamps of two pairs may be (1 sigma)"""
+
 class Belief(enum.Enum):
     """What the judge makes of one stereo pair at an instant."""
 

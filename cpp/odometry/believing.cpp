@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+// The part of Judge that decides who is believed.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "odometry/judge.hpp"
+#include "odometry/motion_covariance.hpp"
+
+namespace pilotage {
+namespace {
+
+constexpr double ns = 1e-9;
+/// What an even drive's twist changes by from instant to instant at the least: m/s, rad/s.
+constexpr double quiet_m_s = 0.02, quiet_rad_s = 0.02;
+constexpr double learning = 0.05;
+constexpr double largest_excess = 4;
+/// Over a short way each single error counts: the limit is so many times wider.
+constexpr double beginner = 10;
+/// How implausible it makes a pair to be degraded, or to have been set aside.
+constexpr double degraded_cost = 10, set_aside_cost = 10;
+
+}  // namespace
+
+/// Of the difference of two motions over so long.
+double Judge::chi_square_of(const Motion& a, const Motion& b, double elapsed_s,
+                            Vector6d& difference) const {
+  const Transform apart = a.before_from_now.inverse() * b.before_from_now;
+  difference << apart.translation, rotation_log(apart.rotation);
+  const Eigen::Vector3d way_m =
+      a.before_from_now.rotation.conjugate() * a.before_from_now.translation;
+  Matrix6d covariance = a.covariance + b.covariance;
+  covariance.topLeftCorner<3, 3>() +=
+      2 * config_.scale_sigma * config_.scale_sigma * way_m * way_m.transpose();
+  // Stamps that are late put poses elsewhere on the way, at the window's start and at its end.
+  const Vector6d twist = transform_log(a.before_from_now) / elapsed_s;
+  const Vector6d wander = (4 * usual_jerk2_).cwiseMax(twist.cwiseAbs2());
+  covariance.diagonal() += 2 * config_.stamp_sigma_s * config_.stamp_sigma_s * wander;
+  return difference.dot(covariance.ldlt().solve(difference));
+}
+
+/// Fills in differences and which pairs agree with which: a matrix row by row.
+void Judge::compare(Instant& now, std::vector<char>& agrees) {
+  const std::size_t n = sources_.size();
+  agrees.assign(n * n, 1);
+  const Instant* start = window_start(now.timestamp_ns);
+  if (!start) return;
+  const double elapsed_s = ns * static_cast<double>(now.timestamp_ns - start->timestamp_ns);
+  // Covariances may be too small, but not by any factor.
+  const double excess = std::clamp(usual_chi_square_ / 6, 1.0, largest_excess);
+  const double limit = limit_ * excess * (elapsed_s < 0.5 * config_.window_s ? beginner : 1.0);
+  std::vector<std::optional<Motion>> motions;
+  for (std::size_t i = 0; i < n; ++i)
+    motions.push_back(motion_of(static_cast<int>(i), *start, now));
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = i + 1; j < n; ++j) {
+      if (!motions[i] || !motions[j]) continue;
+      Vector6d difference;
+      const double chi_square = chi_square_of(*motions[i], *motions[j], elapsed_s, difference);
+      agrees[i * n + j] = agrees[j * n + i] = chi_square < limit;
+      if (chi_square < limit) {
+        usual_chi_square_ = (1 - learning) * usual_chi_square_ + learning * chi_square;
+      }
+      for (const std::size_t k : {i, j}) {
+        PairVerdict& verdict = now.joint.pairs[k];
+        if (chi_square < verdict.chi_square) continue;
+        verdict.difference = k == j ? difference : Vector6d(-difference);
+        verdict.chi_square = chi_square;
+      }
+    }
+  }
+}
+
+/// How unlike the motion before the worst move of a pair within the window was, in mean squares.
+double Judge::worst_move(int pair, const Instant& now) const {
+  double worst = 0;
+  for (std::size_t k = 2; k < instants_.size() + 1; ++k) {
+    const Instant& here = k < instants_.size() ? instants_[k] : now;
+    const Instant &before = instants_[k - 1], &earlier = instants_[k - 2];
+    const std::optional<Motion> motion = motion_of(pair, before, here);
+    if (!motion || !earlier.joint.world_from_robot || !before.joint.world_from_robot) continue;
+    const double step_s = ns * static_cast<double>(here.timestamp_ns - before.timestamp_ns);
+    const Vector6d change =
+        transform_log(motion->before_from_now) / step_s - joint_twist(earlier, before);
+    double move = 0;
+    for (int axis = 0; axis < 6; ++axis) {
+      const double quiet = axis < 3 ? quiet_m_s : quiet_rad_s;
+      move += change[axis] * change[axis] / (usual_jerk2_[axis] + quiet * quiet);
+    }
+    worst = std::max(worst, move);
+  }
+  return worst;
+}
+
+/// How much speaks against a pair: a sudden move that the robot did not make before, a poor status,
+/// y-parallax or points unlike the usual ones, and that it was set aside already.
+double Judge::implausibility(int pair, const Instant& now) const {
+  const auto p = static_cast<std::size_t>(pair);
+  const Source& source = sources_[p];
+  const Sight& sight = now.sights[p];
+  double cost = worst_move(pair, now);
+  if (sight.status != Status::tracking) cost += degraded_cost;
+  if (!source.is_believed) cost += set_aside_cost;
+  if (const Instant* start = window_start(now.timestamp_ns)) {
+    // Of two that are as plausible the more precise one.
+    const std::optional<Motion> motion = motion_of(pair, *start, now);
+    const double floor2_m2 = motion_floor_m * motion_floor_m;
+    if (motion) cost += std::log(motion->covariance.topLeftCorner<3, 3>().trace() / floor2_m2);
+  }
+  if (source.usual_m_q > 0) {
+    const double excess = std::max(0.0, sight.m_q / source.usual_m_q - 1);
+    cost += 4 * excess * excess;
+  }
+  if (source.usual_inliers > 0) {
+    const double missing = std::max(0.0, source.usual_inliers / std::max(1, sight.inliers) - 1);
+    cost += 4 * missing * missing;
+  }
+  return cost;
+}
+
+void Judge::choose_by_chi_square(Instant& now) {
+  const std::size_t n = sources_.size();
+  std::vector<char> agrees;
+  compare(now, agrees);
+  std::vector<double> costs(n, 0);
+  unsigned candidates = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!now.sights[i].has_pose) continue;
+    candidates |= 1u << i;
+    costs[i] = implausibility(static_cast<int>(i), now);
+  }
+  // The largest set that agrees; of equal ones the most plausible.
+  unsigned chosen = 0;
+  double chosen_cost = std::numeric_limits<double>::infinity();
+  for (unsigned set = 1; set < 1u << n; ++set) {
+    if ((set & candidates) != set) continue;
+    bool is_one = true;
+    double cost = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!(set >> i & 1u)) continue;
+      cost = std::max(cost, costs[i]);
+      for (std::size_t j = i + 1; j < n; ++j) {
+        is_one = is_one && (!(set >> j & 1u) || agrees[i * n + j]);
+      }
+    }
+    const int size = std::popcount(set), best = std::popcount(chosen);
+    if (!is_one || size < best || (size == best && cost >= chosen_cost)) continue;
+    chosen = set;
+    chosen_cost = cost;
+  }
+  believe(chosen, candidates, now);
+}
+
+/// Sets aside whom the others contradict, or who began anew; takes back who agreed for long enough.
+void Judge::believe(unsigned chosen, unsigned candidates, Instant& now) {
+  const std::size_t n = sources_.size();
+  const Instant* start = window_start(now.timestamp_ns);
+  bool anyone_believed = false;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!(candidates >> i & 1u)) continue;
+    Source& source = sources_[i];
+    const bool is_new = source.segment >= 0 && source.segment != now.sights[i].segment;
+    const bool is_tested = !start || motion_of(static_cast<int>(i), *start, now);
+    const bool fits = chosen >> i & 1u;
+    if (is_new || !fits) source.is_believed = false;
+    if (is_new || !fits || !is_tested) source.agreeing_since_ns = now.timestamp_ns;
+    source.segment = now.sights[i].segment;
+    anyone_believed |= fits && source.is_believed;
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!(candidates >> i & 1u)) continue;
+    Source& source = sources_[i];
+    const double agreed_s = ns * static_cast<double>(now.timestamp_ns - source.agreeing_since_ns);
+    if ((chosen >> i & 1u) && (!anyone_believed || agreed_s >= config_.rejoin_s)) {
+      source.is_believed = true;
+    }
+    if (!source.is_believed) now.joint.pairs[i].belief = Belief::disagrees;
+  }
+}
+
+/// The rover paper's choice: where dX, dY or dZ between the cameras is not what was calibrated, the
+/// trajectory whose y-parallax is smaller.
+void Judge::choose_by_m_q(Instant& now) {
+  std::vector<char> agrees;
+  compare(now, agrees);
+  std::size_t best = sources_.size();
+  bool differs = false;
+  for (std::size_t i = 0; i < sources_.size(); ++i) {
+    if (!now.sights[i].has_pose) continue;
+    const Eigen::Vector3d apart_m = now.joint.pairs[i].difference.head<3>();
+    differs |= apart_m.cwiseAbs().maxCoeff() > config_.paper_limit_m;
+    if (best == sources_.size() || now.sights[i].m_q < now.sights[best].m_q) best = i;
+  }
+  // While they do not differ, what was chosen before goes on.
+  if (!differs) {
+    for (std::size_t i = 0; i < sources_.size(); ++i) {
+      if (now.sights[i].has_pose && sources_[i].is_believed) {
+        best = i;
+        break;
+      }
+    }
+  }
+  for (std::size_t i = 0; i < sources_.size(); ++i) {
+    if (!now.sights[i].has_pose) continue;
+    sources_[i].is_believed = i == best;
+    if (i != best) now.joint.pairs[i].belief = Belief::disagrees;
+  }
+}
+
+/// Of the joint path between two instants, both of which have a pose.
+Vector6d Judge::joint_twist(const Instant& from, const Instant& to) {
+  const double step_s = ns * static_cast<double>(to.timestamp_ns - from.timestamp_ns);
+  return transform_log(from.joint.world_from_robot->inverse() * *to.joint.world_from_robot) /
+         step_s;
+}
+
+void Judge::learn(const Instant& now) {
+  const bool all_agree =
+      std::all_of(now.joint.pairs.begin(), now.joint.pairs.end(),
+                  [](const PairVerdict& v) { return v.belief == Belief::joined; });
+  if (!all_agree) return;
+  for (std::size_t i = 0; i < sources_.size(); ++i) {
+    const auto blend = [](double& usual, double value) {
+      usual = usual > 0 ? (1 - learning) * usual + learning * value : value;
+    };
+    if (now.sights[i].m_q > 0) blend(sources_[i].usual_m_q, now.sights[i].m_q);
+    if (now.sights[i].inliers > 0) blend(sources_[i].usual_inliers, now.sights[i].inliers);
+  }
+  if (instants_.size() < 2) return;
+  const Instant &last = instants_.back(), &earlier = instants_[instants_.size() - 2];
+  if (!now.joint.world_from_robot || !last.joint.world_from_robot ||
+      !earlier.joint.world_from_robot) {
+    return;
+  }
+  const Vector6d change = joint_twist(last, now) - joint_twist(earlier, last);
+  usual_jerk2_ = (1 - learning) * usual_jerk2_ + learning * change.cwiseAbs2();
+}
+
+}  // namespace pilotage
