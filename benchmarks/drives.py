@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far off is the trajectory after simulated drives, over many worlds?
+"""How far off are the trajectories after simulated drives, over many worlds?
 
     python benchmarks/drives.py --drives 200 --out drives.jsonl
     python benchmarks/drives.py --drives 20 --width 240 --rate-hz 5 --longest-m 15    # as in CI
 
 Each drive has a yard of its own (five grounds in turn, flat or with relief), a closed or open path
-of 5 to 50 m, a speed, and a camera that does wrong what real ones do. Drives do not depend on each
-other or on how many there are; those that --out holds already are not driven again, so that an
-interrupted run goes on where it was. --from and --drives drive a piece of the whole.
+of 5 to 50 m, a speed, and cameras that do wrong what real ones do: one pair looks ahead, one down.
+In every fifth drive one of the pairs is blinded, smeared, out of step or tilted from half-way on.
+Printed is what each pair gives alone, and both joined. Drives do not depend on each other or on how
+many there are; those that --out holds already are not driven again, so that an interrupted run goes
+on where it was. --from and --drives drive a piece of the whole.
 """
 
 from __future__ import annotations
@@ -18,24 +20,35 @@ import multiprocessing
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
-from pilotage import StereoOdometry
-from pilotage.evaluation.metrics import evaluate_trajectory
-from pilotage.simulation import Drive, Simulation, load_world, robot_model
-from pilotage.simulation.camera_group import CameraGroup
+from pilotage import OdometryConfig, Status, StereoOdometry, _core
+from pilotage.evaluation.metrics import evaluate_trajectory, nees
+from pilotage.simulation import Drive, Fault, Simulation, load_world, robot_model
+from pilotage.simulation.camera_faults import written_rig
+from pilotage.simulation.camera_group import camera_groups
 from pilotage.simulation.grounds import GROUNDS
 from pilotage.simulation.sensor import read_sensor
 from pilotage.simulation.yard import YardOptions, side_for_m
 
-ROBOT, PAIR = "rover", "front"
+ROBOT, PAIRS = "rover", ("front", "down")
 SHAPES = ("closed", "open", "square", "straight", "eight")
 SHORTEST_M, LONGEST_M = 5.0, 50.0
 NS = 1_000_000_000
+SPOILT_EVERY = 5
+# Name and size of what happens to one pair half-way; a size of its own for each unit.
+SPOILS = (("blind", 1.0), ("dirt", 0.7), ("out_of_step_ms", 40.0), ("tilt_right", 4.0))
+# A looking-down pair: height and an offset of the right picture cannot be told apart.
+SETTINGS: dict[str, dict[str, Any]] = {
+    "front": {},
+    "down": {"front_end": "grid", "right_x_offset_prior_px": 0},
+}
+JOINT = "joint"
 
 
 @dataclass(frozen=True)
@@ -48,12 +61,15 @@ class DrivePlan:
     path: str
     relief_m: float
     speed_m_s: float
+    spoilt: str = ""  # fault and pair
+    spoil_size: float = 0.0
+    spoil_onset_s: float = 0.0
 
 
 def plan_of(number: int, longest_m: float) -> DrivePlan:
     random = np.random.default_rng([20261122, number])
     length_m = round(float(np.exp(random.uniform(np.log(SHORTEST_M), np.log(longest_m)))), 1)
-    return DrivePlan(
+    plan = DrivePlan(
         number=number,
         seed=1000 + number,
         ground=list(GROUNDS)[number % len(GROUNDS)],
@@ -61,6 +77,13 @@ def plan_of(number: int, longest_m: float) -> DrivePlan:
         relief_m=round(float(random.choice([0.0, random.uniform(0.02, 0.10)])), 3),
         speed_m_s=round(float(random.uniform(0.25, 0.6)), 2),
     )
+    # The fourth of each five, and not always on the same ground.
+    turn = number // SPOILT_EVERY
+    if (number + turn) % SPOILT_EVERY != SPOILT_EVERY - 1:
+        return plan
+    (fault, size), pair = SPOILS[turn % len(SPOILS)], PAIRS[turn // len(SPOILS) % len(PAIRS)]
+    onset_s = round(0.5 * length_m / plan.speed_m_s, 1)
+    return replace(plan, spoilt=f"{fault} {pair}", spoil_size=size, spoil_onset_s=onset_s)
 
 
 def simulation_of(plan: DrivePlan) -> Simulation:
@@ -70,56 +93,101 @@ def simulation_of(plan: DrivePlan) -> Simulation:
         "relief_m": plan.relief_m,
         "size_m": max(YardOptions.size_m, side_for_m(plan.path)),
     }
-    return Simulation(load_world("yard", seed=plan.seed, options=options), ROBOT, seed=plan.seed)
+    faults = []
+    if plan.spoilt:
+        name, pair = plan.spoilt.split()
+        faults = [Fault(name, onset_s=plan.spoil_onset_s, size=plan.spoil_size, camera=pair)]
+    world = load_world("yard", seed=plan.seed, options=options)
+    return Simulation(world, ROBOT, seed=plan.seed, faults=faults)
 
 
 @dataclass
-class Tracked:
-    """What the odometry made of a drive, and the robot's true poses (N, 4, 4) at its pairs."""
+class Track:
+    """What came of a drive: times, results or joint results, and the robot's true poses then."""
 
-    results: list[Any]
+    live: list[Any]
+    final: list[Any]
     truth: np.ndarray[Any, Any]
-    tracking_s: float
-    has_arrived: bool
+    cpu_s: float = 0.0
 
 
-def track(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> Tracked:
-    """Drive and track every pair that comes."""
+def track(
+    plan: DrivePlan, *, width: int, rate_hz: float, camera: str, points: int
+) -> tuple[dict[str, Track], bool]:
+    """Drive and track every pair that comes; return what each pair saw and if the drive arrived."""
     simulation, robot = simulation_of(plan), robot_model(ROBOT)
     sensor = read_sensor(camera)
-    rig = robot.stereo_rig(simulation, PAIR, width, sensor.readout_s)
-    left, right = robot.pairs[PAIR]
-    cameras = {left: rig.left, right: rig.right}
-    group = CameraGroup(simulation, cameras, sensor, seed=plan.seed)
-    odometry, truth, tracking_s, tries = StereoOdometry(rig=rig), [], 0.0, 0
-    way = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s)
+    groups = camera_groups(simulation, robot, sensor, width_px=width, seed=plan.seed, pairs=PAIRS)
+    rigs = {pair: robot.stereo_rig(simulation, pair, width, sensor.readout_s) for pair in PAIRS}
+    odometries = {
+        pair: StereoOdometry(
+            rig=written_rig(rigs[pair], simulation.faults, pair),
+            config=OdometryConfig.from_dict({"points": points, **SETTINGS[pair]}),
+        )
+        for pair in PAIRS
+    }
+    poses: dict[str, list[Any]] = {pair: [] for pair in PAIRS}
+    tracks = {pair: Track([], [], np.empty((0, 4, 4))) for pair in PAIRS}
+    way, tries = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s), 0
     for now_ns in way:
         while (shot_ns := round(tries * NS / rate_hz)) <= now_ns:
             tries += 1
-            shot = group.take(shot_ns)
-            if shot is None or len(shot.pictures) < 2:
-                continue
-            began = time.process_time()
-            odometry.track(shot.pictures[left], shot.pictures[right], shot.stamps_ns[left])
-            tracking_s += time.process_time() - began
-            truth.append(simulation.robot_pose(shot.taken_ns).matrix())
-    return Tracked(odometry.finish(), np.array(truth), tracking_s, way.has_arrived)
+            for pair, group in groups.items():
+                shot, names = group.take(shot_ns), robot.pairs[pair]
+                if shot is None or len(shot.pictures) < len(names):
+                    continue
+                began = time.process_time()
+                left, right = (shot.pictures[name] for name in names)
+                stamp_ns = shot.stamps_ns[names[0]]
+                tracks[pair].live.append(odometries[pair].track(left, right, stamp_ns))
+                tracks[pair].cpu_s += time.process_time() - began
+                poses[pair].append(simulation.robot_pose(shot.taken_ns).matrix())
+    for pair, odometry in odometries.items():
+        tracks[pair].final = odometry.finish()
+        tracks[pair].truth = np.array(poses[pair])
+    return tracks, way.has_arrived
 
 
-def drive(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> dict[str, Any]:
-    """Return the figures of one drive's adjusted trajectory."""
-    start = time.process_time()
-    tracked = track(plan, width=width, rate_hz=rate_hz, camera=camera)
-    unknown = np.full((4, 4), np.nan)
-    poses = [result.world_from_left for result in tracked.results]
-    metrics = evaluate_trajectory(
-        estimate=np.array([unknown if pose is None else pose.matrix() for pose in poses]),
-        truth=tracked.truth,
-        covariances=covariances_of(tracked.results),
+def join(tracks: dict[str, Track], key: str) -> list[Any]:
+    """Return what the judge makes of the `live` or `final` results of all pairs."""
+    judge = _core.Judge(pairs=len(tracks))
+    results = [getattr(track, key) for track in tracks.values()]
+    order = sorted(
+        (result.timestamp_ns, pair, index)
+        for pair, of_pair in enumerate(results)
+        for index, result in enumerate(of_pair)
     )
+    joint = [said for _, pair, index in order for said in judge.add(pair, results[pair][index])]
+    return joint + judge.finish()
+
+
+def truth_at(times_ns: list[int], tracks: dict[str, Track]) -> np.ndarray[Any, Any]:
+    """Return the true poses (N, 4, 4) of the pictures nearest in time."""
+    known = sorted(
+        (result.timestamp_ns, pair, index)
+        for pair, track in tracks.items()
+        for index, result in enumerate(track.live)
+    )
+    stamps = np.array([stamp for stamp, _, _ in known])
+    after = np.clip(np.searchsorted(stamps, times_ns), 1, len(stamps) - 1)
+    is_before = np.abs(stamps[after - 1] - times_ns) < np.abs(stamps[after] - times_ns)
+    places = np.where(is_before, after - 1, after)
+    return np.array([tracks[known[p][1]].truth[known[p][2]] for p in places])
+
+
+def figures(results: list[Any], truth: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """Return the figures of one trajectory."""
+    unknown = np.full((4, 4), np.nan)
+    poses = [
+        getattr(r, "world_from_robot", None) or getattr(r, "world_from_left", None) for r in results
+    ]
+    estimate = np.array([unknown if pose is None else pose.matrix() for pose in poses])
+    covariances = covariances_of(results)
+    metrics = evaluate_trajectory(estimate=estimate, truth=truth, covariances=covariances)
+    says_tracking = np.array([r.status == Status.tracking for r in results])
+    squares = nees(estimate, truth, covariances)
+    limit = chi2.ppf(1 - 0.01 / len(squares), 6)
     return {
-        **asdict(plan),
-        "arrived": tracked.has_arrived,
         "pairs": metrics.pairs,
         "lost": metrics.lost,
         "length_m": metrics.truth_length_m,
@@ -128,9 +196,26 @@ def drive(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> dict[s
         "ate_percent": metrics.ate_percent_of_length,
         "scale": metrics.scale,
         "nees": metrics.consistency.mean_nees if metrics.consistency else None,
-        "tracking_ms": 1e3 * tracked.tracking_s / max(1, metrics.pairs),
-        "cpu_s": time.process_time() - start,
+        "confidently_wrong": int(np.sum(says_tracking & (squares > limit))),
     }
+
+
+def drive(plan: DrivePlan, **settings: Any) -> dict[str, Any]:
+    """Return the figures of one drive: each pair's adjusted trajectory, joint live and adjusted."""
+    start = time.process_time()
+    tracks, has_arrived = track(plan, **settings)
+    record = {**asdict(plan), "arrived": has_arrived}
+    for pair, one in tracks.items():
+        record[pair] = figures(one.final, one.truth)
+        record[pair]["cpu_ms"] = 1e3 * one.cpu_s / max(1, len(one.live))
+    for name, key in ((JOINT, "final"), (f"{JOINT} live", "live")):
+        joint = join(tracks, key)
+        record[name] = figures(joint, truth_at([r.timestamp_ns for r in joint], tracks))
+        record[name]["disputed"] = sum(
+            any(verdict.belief == _core.Belief.disagrees for verdict in r.pairs) for r in joint
+        )
+    record["cpu_s"] = time.process_time() - start
+    return record
 
 
 def covariances_of(results: list[Any]) -> np.ndarray[Any, Any]:
@@ -179,45 +264,65 @@ def say(record: dict[str, Any], count: int, total: int) -> None:
     if "error" in record:
         text = record["error"]
     else:
-        text = (
-            f"end {record['end_percent']:.3f} %, ATE {record['ate_percent']:.3f} %, "
-            f"{record['lost']} of {record['pairs']} lost, {record['cpu_s']:.0f} CPU-s"
-        )
-    what = f"{record['number']:3d} {record['ground']} {record['path']}"
-    print(f"[{count}/{total}] {what}: {text}", file=sys.stderr, flush=True)
+        ends = ", ".join(f"{name} {record[name]['end_percent']:.3f}" for name in (*PAIRS, JOINT))
+        text = f"end {ends} %, {record[JOINT]['lost']} lost, {record['cpu_s']:.0f} CPU-s"
+    what = " ".join((record["ground"], record["path"], record["spoilt"])).strip()
+    print(f"[{count}/{total}] {record['number']:3d} {what}: {text}", file=sys.stderr, flush=True)
 
 
-def row(name: str, records: list[dict[str, Any]]) -> str:
+def row(name: str, records: list[dict[str, Any]], source: str) -> str:
+    """Return the line of the table for what one pair, or both, made of these drives."""
+
+    def of(key: str) -> np.ndarray[Any, Any]:
+        values = [record[source][key] for record in records]
+        return np.array([np.nan if value is None else value for value in values], float)
+
     def quantiles(key: str) -> str:
-        values = np.array([record[key] for record in records])
+        values = of(key)[np.isfinite(of(key))]
         return " | ".join(f"{np.quantile(values, q):.3f}" for q in (0.5, 0.95, 1.0))
 
-    lost = sum(record["lost"] for record in records)
-    pairs = sum(record["pairs"] for record in records)
-    nees = np.median([record["nees"] for record in records])
     return (
-        f"| {name} | {len(records)} | {quantiles('end_percent')} | {quantiles('ate_percent')} | "
-        f"{np.median([record['scale'] for record in records]):.4f} | {lost} of {pairs} | "
-        f"{nees:.1f} | {np.median([r['tracking_ms'] for r in records]):.1f} |"
+        f"| {name} | {source} | {len(records)} | {quantiles('end_percent')} | "
+        f"{quantiles('ate_percent')} | {np.nanmedian(of('scale')):.4f} | "
+        f"{of('lost').sum():.0f} of {of('pairs').sum():.0f} | {np.nanmedian(of('nees')):.1f} | "
+        f"{of('confidently_wrong').sum():.0f} |"
     )
 
 
 def report(records: list[dict[str, Any]]) -> None:
     print(
-        "| ground | drives | closing error, %: median | 95th | largest | ATE, %: median | 95th | "
-        "largest | scale | lost | NEES, median | CPU-ms a pair |\n"
-        "|---|---|---|---|---|---|---|---|---|---|---|---|"
+        "| drives | trajectory | number | error at the end, %: median | 95th | largest | "
+        "ATE, %: median | 95th | largest | scale | lost | NEES, median | confidently wrong |\n"
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     )
-    for ground in GROUNDS:
-        of_ground = [record for record in records if record["ground"] == ground]
-        if of_ground:
-            print(row(ground, of_ground))
-    print(row("all", records))
-    flat = [record for record in records if record["relief_m"] == 0]
-    rough = [record for record in records if record["relief_m"] > 0]
-    for name, some in (("flat", flat), ("with relief", rough)):
-        if some:
-            print(row(name, some))
+    sound = [record for record in records if not record["spoilt"]]
+    kinds = {"all": records}
+    kinds |= {ground: [r for r in sound if r["ground"] == ground] for ground in GROUNDS}
+    kinds["flat"] = [record for record in sound if record["relief_m"] == 0]
+    kinds["with relief"] = [record for record in sound if record["relief_m"] > 0]
+    kinds["sound"] = sound
+    kinds["spoilt half-way"] = [record for record in records if record["spoilt"]]
+    for name, some in kinds.items():
+        for source in (*PAIRS, JOINT, f"{JOINT} live") if some else ():
+            print(row(name, some, source))
+    report_better(sound)
+
+
+def report_better(records: list[dict[str, Any]]) -> None:
+    """Print how the joint trajectory stands to the better of those alone, drive by drive."""
+    if not records:
+        return
+    for key in ("end_percent", "ate_percent"):
+        ratios = np.array(
+            [r[JOINT][key] / min(r[pair][key] for pair in PAIRS) for r in records], float
+        )
+        medians = [np.median([r[pair][key] for r in records]) for pair in PAIRS]
+        joint = np.median([r[JOINT][key] for r in records])
+        print(
+            f"{key}: joint over the better of the two in each sound drive: median "
+            f"{np.median(ratios):.2f}, above 1.10 in {np.sum(ratios > 1.1)} of {len(ratios)}; "
+            f"median of all over the better median {joint / min(medians):.2f}"
+        )
 
 
 def main() -> None:
@@ -227,12 +332,14 @@ def main() -> None:
     parser.add_argument("--width", type=int, default=640, help="of the pictures, pixels")
     parser.add_argument("--rate-hz", type=float, default=10.0)
     parser.add_argument("--longest-m", type=float, default=LONGEST_M)
+    parser.add_argument("--points", type=int, default=400, help="of each pair")
     parser.add_argument("--camera", default="realistic", help="good, ideal, realistic or a YAML")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, help="file to add results to, one JSON line each")
     arguments = parser.parse_args()
     settings = {
         "width": arguments.width, "rate_hz": arguments.rate_hz, "camera": arguments.camera,
+        "points": arguments.points,
     }  # fmt: skip
     marked = {**settings, "longest_m": arguments.longest_m}
     done = read_done(arguments.out, marked) if arguments.out else {}
