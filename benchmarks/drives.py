@@ -27,7 +27,7 @@ import numpy as np
 from pilotage import StereoOdometry
 from pilotage.evaluation.metrics import evaluate_trajectory
 from pilotage.simulation import Drive, Simulation, load_world, robot_model
-from pilotage.simulation.camera_group import CameraGroup
+from pilotage.simulation.camera_group import camera_groups
 from pilotage.simulation.grounds import GROUNDS
 from pilotage.simulation.sensor import read_sensor
 from pilotage.simulation.yard import YardOptions, side_for_m
@@ -88,8 +88,9 @@ def track(plan: DrivePlan, *, width: int, rate_hz: float, camera: str) -> Tracke
     simulation, robot = simulation_of(plan), robot_model(ROBOT)
     rig = robot.stereo_rig(simulation, PAIR, width)
     left, right = robot.pairs[PAIR]
-    cameras = {left: rig.left, right: rig.right}
-    group = CameraGroup(simulation, cameras, read_sensor(camera), seed=plan.seed)
+    group = camera_groups(
+        simulation, robot, read_sensor(camera), width_px=width, seed=plan.seed, pairs=[PAIR]
+    )[PAIR]
     odometry, truth, tracking_s, tries = StereoOdometry(rig=rig), [], 0.0, 0
     way = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s)
     for now_ns in way:
