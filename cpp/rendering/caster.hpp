@@ -227,36 +227,40 @@ inline void Caster::shade(const PixelRays& pixels, const Chosen& candidates, con
   }
 }
 
-inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
-                                const Shading& shading, SurfaceReader& surfaces, Seen& seen) const {
-  const int typical = typical_lane(mask);
-  const Floats distance = mask ? seen.distance : splat(seen.distance[typical]);
-  const SurfacePoint at = surface_at(shape, pixels.rays, distance);
+/// Probes for what one lane of a group stands for, where it hits a shape.
+inline Probes probes_of(const PixelRays& pixels, const PlacedShape& shape, const SurfacePoint& at,
+                        const Floats& distance, int lane, float finest_m) {
   const Vectors direction = to_shape(shape, pixels.rays.direction);
   const Floats facing = dot(direction, at.normal);
   const Floats grazing =
       facing < 0.0f ? min(facing, splat(-most_grazing)) : max(facing, splat(most_grazing));
-  // How the hit moves when the pixel does: along the surface's tangent plane.
+  // How the hit moves when its ray does: along the surface's tangent plane.
   const auto moved = [&](const Vectors& change) {
     const Vectors e = to_shape(shape, change);
     const Floats along = dot(e, at.normal) / grazing;
     return e - along * direction;
   };
-  const Vectors by_x = moved(distance * pixels.per_x), by_y = moved(distance * pixels.per_y);
+  const Vectors by_x = distance * moved(pixels.per_x), by_y = distance * moved(pixels.per_y);
+  const Footprint footprint{dot(by_x, at.u_axis), dot(by_x, at.v_axis), dot(by_y, at.u_axis),
+                            dot(by_y, at.v_axis)};
+  const Probes still = still_probes(footprint, lane, finest_m, pixels.most_probes);
+  if (!pixels.moves) return still;
+  const Vectors by_time = moved(pixels.over_time.origin + distance * pixels.over_time.direction);
+  const Floats u = dot(by_time, at.u_axis), v = dot(by_time, at.v_axis);
+  return moving_probes(still, u[lane], v[lane], finest_m);
+}
+
+inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
+                                const Shading& shading, SurfaceReader& surfaces, Seen& seen) const {
+  const int typical = typical_lane(mask);
+  const Floats distance = mask ? seen.distance : splat(seen.distance[typical]);
+  const SurfacePoint at = surface_at(shape, pixels.rays, distance);
   const Material& material = scene_.materials()[shape.material];
   const Ints square = checker_square(material, at.u, at.v);
   Floats albedo = plain_albedo(material, square);
   if (!material.layers.empty()) {
     const MaterialDetail& detail = details_[shape.material];
-    const Footprint footprint{dot(by_x, at.u_axis), dot(by_x, at.v_axis), dot(by_y, at.u_axis),
-                              dot(by_y, at.v_axis)};
-    Probes probes = still_probes(footprint, typical, detail.finest_m, pixels.most_probes);
-    if (pixels.moves) {
-      const Vectors by_time =
-          moved(pixels.over_time.origin + distance * pixels.over_time.direction);
-      const Floats u = dot(by_time, at.u_axis), v = dot(by_time, at.v_axis);
-      probes = moving_probes(probes, u[typical], v[typical], detail.finest_m);
-    }
+    const Probes probes = probes_of(pixels, shape, at, distance, typical, detail.finest_m);
     albedo += layers_at(surfaces, shape.material, detail, at.u, at.v, probes);
     albedo = max(splat(0.01f), min(splat(1), albedo));
   }

@@ -7,34 +7,24 @@
 #include <thread>
 
 #include "rendering/caster.hpp"
+#include "rendering/exposed_rays.hpp"
 #include "rendering/view.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {
 
-constexpr float pi = 3.14159265f;
 constexpr int tile = count;  // a group of rays is a row of a tile
-
 /// Of what moves less while it is exposed a still picture is taken.
 constexpr float still_px = 0.05f;
 constexpr float longest_streak_px = 256;
-
-/// Where the rays of a row start, relative to the view's centre, and the turn of its camera, in the
-/// middle of the exposure; and how both change from its begin to its end.
-struct RowPose {
-  Eigen::Matrix3f world_from_camera;
-  Eigen::Vector3f origin;
-  Eigen::Matrix3f turn_over_time;
-  Eigen::Vector3f origin_over_time;
-};
 
 class ViewRenderer {
  public:
   ViewRenderer(const Scene& scene, const CameraRays& camera, const ShutterPoses& poses,
                int channels, const RenderOptions& options)
       : scene_(scene),
-        camera_(camera),
         options_(options),
-        caster_(scene, poses.first.middle.translation, furthest_start(poses), channels) {
+        rays_(camera, poses, options.edge_samples),
+        caster_(scene, poses.first.middle.translation, rays_.furthest_start_m(), channels) {
     result_.width = camera.width();
     result_.height = camera.height();
     result_.channels = channels;
@@ -46,8 +36,6 @@ class ViewRenderer {
     tiles_x_ = (result_.width + tile - 1) / tile;
     tiles_y_ = (result_.height + tile - 1) / tile;
     tiles_.resize(static_cast<std::size_t>(tiles_x_) * tiles_y_);
-    pose_rows(poses);
-    spread_samples();
   }
 
   Radiance run();
@@ -59,14 +47,7 @@ class ViewRenderer {
     float moved_px = 0;  ///< over the exposure, at most
   };
 
-  static float furthest_start(const ShutterPoses& poses);
-  void pose_rows(const ShutterPoses& poses);
-  void spread_samples();
   void in_parallel(void (ViewRenderer::*work)(int tile_row, SurfaceReader&));
-  void fill_rays(int column, int row, PixelRays& pixels) const;
-  void fill_within(const PixelRays& group, int sixteen, PixelRays& within) const;
-  Cone cone_of(const PixelRays* rays, int rows, int top) const;
-  float most_moved_px(const PixelRays* rays, int rows, int top, const Seen* seen) const;
   Tile& tile_at(int tile_column, int tile_row) {
     return tiles_[static_cast<std::size_t>(tile_row) * tiles_x_ + tile_column];
   }
@@ -84,145 +65,20 @@ class ViewRenderer {
   void keep(const Seen& seen, const PixelRays& rays, int column, int row);
 
   const Scene& scene_;
-  const CameraRays& camera_;
   const RenderOptions& options_;
+  ExposedRays rays_;
   Caster caster_;
   Radiance result_;
   std::vector<std::int32_t> keys_;
-  std::vector<RowPose> rows_;
   std::vector<Tile> tiles_;
-  std::vector<float> within_x_, within_y_;  ///< samples of a pixel, from its middle
-  std::vector<float> within_time_;          ///< of its exposure, from its middle
-  float moved_px_ = 0;                      ///< at most, by any tile
+  float moved_px_ = 0;  ///< at most, by any tile
   /// Where edges pass that are elsewhere in the middle of the exposure; empty if none moves so far.
   std::vector<std::uint8_t> is_passed_;
   int tiles_x_ = 0, tiles_y_ = 0;
 };
 
-inline float ViewRenderer::furthest_start(const ShutterPoses& poses) {
-  double furthest = 0;
-  for (const RowExposure* row : {&poses.first, &poses.last}) {
-    for (const Transform* pose : {&row->begin, &row->middle, &row->end}) {
-      furthest = std::max(furthest, (pose->translation - poses.first.middle.translation).norm());
-    }
-  }
-  return static_cast<float>(furthest);
-}
-
-inline void ViewRenderer::pose_rows(const ShutterPoses& poses) {
-  const auto turn_of = [](const RowExposure& row) -> Eigen::Matrix3d {
-    return row.end.rotation.toRotationMatrix() - row.begin.rotation.toRotationMatrix();
-  };
-  const auto way_of = [](const RowExposure& row) -> Eigen::Vector3d {
-    return row.end.translation - row.begin.translation;
-  };
-  const Transform &first = poses.first.middle, &last = poses.last.middle;
-  const Eigen::Matrix3d turns[2] = {turn_of(poses.first), turn_of(poses.last)};
-  const Eigen::Vector3d ways[2] = {way_of(poses.first), way_of(poses.last)};
-  const int rows = tiles_y_ * tile;
-  for (int row = 0; row < rows; ++row) {
-    const double part = result_.height > 1 ? static_cast<double>(row) / (result_.height - 1) : 0;
-    rows_.push_back({first.rotation.slerp(part, last.rotation).toRotationMatrix().cast<float>(),
-                     (part * (last.translation - first.translation)).cast<float>(),
-                     ((1 - part) * turns[0] + part * turns[1]).cast<float>(),
-                     ((1 - part) * ways[0] + part * ways[1]).cast<float>()});
-  }
-}
-
-/// The part of `index` whose bits are mirrored about the binary point (van der Corput).
-inline float mirrored(std::uint32_t index) {
-  float value = 0, digit = 0.5f;
-  for (; index; index >>= 1, digit *= 0.5f) value += digit * static_cast<float>(index & 1);
-  return value;
-}
-
-/// The second dimension of Sobol's sequence, of which `mirrored` is the first.
-inline float sobol(std::uint32_t index) {
-  std::uint32_t value = 0;
-  for (std::uint32_t digits = 1u << 31; index; index >>= 1, digits ^= digits >> 1) {
-    if (index & 1) value ^= digits;
-  }
-  return std::ldexp(static_cast<float>(value >> 8), -24);
-}
-
-/// Samples spread over one pixel and its exposure: no two of them in a row, column or moment, and
-/// any two of the three spread as evenly (Hammersley, with Sobol's sequence).
-inline void ViewRenderer::spread_samples() {
-  const float share = 1.0f / static_cast<float>(options_.edge_samples);
-  for (int i = 0; i < options_.edge_samples; ++i) {
-    within_x_.push_back((static_cast<float>(i) + 0.5f) * share - 0.5f);
-    within_y_.push_back(mirrored(static_cast<std::uint32_t>(i)) + 0.5f * share - 0.5f);
-    within_time_.push_back(sobol(static_cast<std::uint32_t>(i)) + 0.5f * share - 0.5f);
-  }
-}
-
-PILOTAGE_INLINE Vectors turned(const Eigen::Matrix3f& m, const Vectors& v) {
-  return {m(0, 0) * v.x + m(0, 1) * v.y + m(0, 2) * v.z,
-          m(1, 0) * v.x + m(1, 1) * v.y + m(1, 2) * v.z,
-          m(2, 0) * v.x + m(2, 1) * v.y + m(2, 2) * v.z};
-}
-
-/// Rays of `count` pixels of a row from `column` on.
-inline void ViewRenderer::fill_rays(int column, int row, PixelRays& pixels) const {
-  const RowPose& pose = rows_[row];
-  const auto from = [&](int dx, int dy) {
-    return Vectors{load(camera_.x(row + dy) + column + dx), load(camera_.y(row + dy) + column + dx),
-                   load(camera_.z(row + dy) + column + dx)};
-  };
-  const auto splats = [](const Eigen::Vector3f& v) {
-    return Vectors{splat(v.x()), splat(v.y()), splat(v.z())};
-  };
-  const Vectors direction = from(0, 0);
-  pixels.rays = {splats(pose.origin), turned(pose.world_from_camera, direction)};
-  pixels.over_time = {splats(pose.origin_over_time), turned(pose.turn_over_time, direction)};
-  const Floats half = splat(0.5f);
-  pixels.per_x = turned(pose.world_from_camera, half * (from(1, 0) - from(-1, 0)));
-  pixels.per_y = turned(pose.world_from_camera, half * (from(0, 1) - from(0, -1)));
-}
-
-/// Sixteen rays within the first pixel of a group.
-inline void ViewRenderer::fill_within(const PixelRays& group, int sixteen,
-                                      PixelRays& within) const {
-  const auto first = [](const Vectors& v) {
-    return Vectors{splat(v.x[0]), splat(v.y[0]), splat(v.z[0])};
-  };
-  const Floats dx = load(&within_x_[sixteen * count]), dy = load(&within_y_[sixteen * count]);
-  const Vectors per_x = first(group.per_x), per_y = first(group.per_y);
-  within.rays.origin = first(group.rays.origin);
-  within.rays.direction = first(group.rays.direction) + (dx * per_x + dy * per_y);
-  if (group.moves) {
-    const Floats time = load(&within_time_[sixteen * count]);
-    within.rays.origin = within.rays.origin + time * first(group.over_time.origin);
-    within.rays.direction = within.rays.direction + time * first(group.over_time.direction);
-  }
-  const Floats smaller = splat(1 / std::sqrt(static_cast<float>(options_.edge_samples)));
-  within.per_x = smaller * per_x;
-  within.per_y = smaller * per_y;
-  within.most_probes = 1;
-}
-
-/// The cone of all rays of a tile, over the whole exposure.
-inline Cone ViewRenderer::cone_of(const PixelRays* rays, int rows, int top) const {
-  const Vectors& middle = rays[rows / 2].rays.direction;
-  Cone cone{{middle.x[count / 2], middle.y[count / 2], middle.z[count / 2]}, -1, 0};
-  // Where the lens has no inverse there is no ray, and no comparison holds.
-  if (!std::isfinite(cone.axis[0])) return cone;
-  Floats cosine = splat(1);
-  for (int r = 0; r < rows; ++r) {
-    const Vectors& d = rays[r].rays.direction;
-    const Floats c = d.x * cone.axis[0] + d.y * cone.axis[1] + d.z * cone.axis[2];
-    cosine = c < cosine ? c : cosine;
-  }
-  // Samples within the outermost pixels lie a little further out.
-  const float turn = rows_[top + rows / 2].turn_over_time.norm();
-  const float half = 1.1f * std::acos(std::clamp(least(cosine), -1.0f, 1.0f)) + turn + 1e-3f;
-  cone.cosine = std::cos(std::min(half, pi));
-  cone.sine = std::sin(std::min(half, pi));
-  return cone;
-}
-
 inline void ViewRenderer::keep(const Seen& seen, const PixelRays& rays, int column, int row) {
-  const Eigen::Vector3f ahead = rows_[row].world_from_camera.col(2);
+  const Eigen::Vector3f ahead = rays_.ahead(row);
   const Vectors& d = rays.rays.direction;
   const Floats along = d.x * ahead.x() + d.y * ahead.y() + d.z * ahead.z();
   const Ints is_hit = seen.shape >= 0;
@@ -248,33 +104,17 @@ inline void ViewRenderer::keep(const Seen& seen, const PixelRays& rays, int colu
   }
 }
 
-/// How far at most, in pixels, what a tile sees moves over the exposure.
-inline float ViewRenderer::most_moved_px(const PixelRays* rays, int rows, int top,
-                                         const Seen* seen) const {
-  Floats nearest = splat(infinity), finest = splat(infinity);
-  for (int r = 0; r < rows; ++r) {
-    nearest = min(seen[r].distance, nearest);
-    const Floats x2 = dot(rays[r].per_x, rays[r].per_x), y2 = dot(rays[r].per_y, rays[r].per_y);
-    finest = min(min(x2, y2), finest);
-  }
-  const RowPose& pose = rows_[top + rows / 2];
-  // A turn's matrix changes by the root of two times its angle.
-  const float moved_rad = 0.7072f * pose.turn_over_time.norm() +
-                          pose.origin_over_time.norm() / std::max(least(nearest), nearest_m);
-  return moved_rad / std::sqrt(std::max(least(finest), 1e-12f));
-}
-
 inline void ViewRenderer::cast_tile(int tile_column, int tile_row, SurfaceReader& surfaces) {
   const int column = tile_column * tile, top = tile_row * tile;
   const int rows = std::min(tile, result_.height - top);
   PixelRays rays[tile] = {};
   Seen seen[tile];
   Tile& here = tile_at(tile_column, tile_row);
-  for (int r = 0; r < rows; ++r) fill_rays(column, top + r, rays[r]);
-  here.shapes = caster_.in_cone(cone_of(rays, rows, top));
+  for (int r = 0; r < rows; ++r) rays_.fill(column, top + r, rays[r]);
+  here.shapes = caster_.in_cone(rays_.cone_of(rays, rows, top));
   for (int r = 0; r < rows; ++r) caster_.find(rays[r], here.shapes, seen[r]);
   caster_.widen(rays, rows, seen, here.shading);
-  here.moved_px = most_moved_px(rays, rows, top, seen);
+  here.moved_px = rays_.most_moved_px(rays, rows, top, seen);
   for (int r = 0; r < rows; ++r) {
     rays[r].moves = here.moved_px > still_px;
     caster_.shade(rays[r], here.shapes, here.shading, surfaces, seen[r]);
@@ -296,10 +136,10 @@ inline bool ViewRenderer::is_edge(int column, int row) const {
 /// How far what a pixel sees moves over the exposure, pixels in x and y.
 inline Eigen::Vector2f ViewRenderer::streak_of(int column, int row) const {
   PixelRays rays;
-  fill_rays(column, row, rays);
+  rays_.fill(column, row, rays);
   const auto first = [](const Vectors& v) { return Eigen::Vector3f(v.x[0], v.y[0], v.z[0]); };
   const float depth_m = result_.depth_m[static_cast<std::size_t>(row) * result_.width + column];
-  const float along = first(rays.rays.direction).dot(rows_[row].world_from_camera.col(2));
+  const float along = first(rays.rays.direction).dot(rays_.ahead(row));
   const float per_m = depth_m > 0 ? along / depth_m : 0;
   const Eigen::Vector3f way =
       per_m * first(rays.over_time.origin) + first(rays.over_time.direction);
@@ -345,9 +185,8 @@ inline void ViewRenderer::mark_entering(int tile_column, int tile_row, SurfaceRe
       PixelRays then;
       then.most_probes = 1;
       Seen seen;
-      fill_rays(column, row, then);
-      then.rays.origin = then.rays.origin + splat(time) * then.over_time.origin;
-      then.rays.direction = then.rays.direction + splat(time) * then.over_time.direction;
+      rays_.fill(column, row, then);
+      then.rays = at_time(splat(time), then);
       cast_alone(then, tile_at(tile_column, tile_row), surfaces, seen);
       const std::int32_t* keys = &keys_[static_cast<std::size_t>(row) * result_.width + column];
       for (int k = 0; k < std::min(count, result_.width - column); ++k) {
@@ -385,11 +224,11 @@ inline void ViewRenderer::smooth(int column, int row, Tile& tile, SurfaceReader&
   float sums[3] = {};
   const int groups = options_.edge_samples / count;
   PixelRays group, within;
-  fill_rays(column, row, group);
+  rays_.fill(column, row, group);
   // Also where the tile itself moves less: what passes may come from another.
   group.moves = moved_px_ > still_px;
   for (int g = 0; g < groups; ++g) {
-    fill_within(group, g, within);
+    rays_.fill_within(group, g, within);
     Seen seen;
     cast_alone(within, tile, surfaces, seen);
     for (int c = 0; c < result_.channels; ++c) {
