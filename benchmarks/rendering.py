@@ -25,7 +25,7 @@ import numpy as np
 
 from pilotage import Camera, _core
 from pilotage.simulation import Drive, Simulation, load_world, robot_model
-from pilotage.simulation.camera_group import CameraGroup
+from pilotage.simulation.camera_group import camera_groups
 from pilotage.simulation.pictures import Pictures, camera_rays
 from pilotage.simulation.sensor import read_sensor
 
@@ -78,25 +78,13 @@ def same_depth(ours: Any, theirs: Any) -> float:
     return float((np.abs(ours - theirs)[is_near] < SAME_DEPTH * ours[is_near]).mean())
 
 
-def make_groups(
-    simulation: Simulation, pictures: Pictures, arguments: argparse.Namespace
-) -> list[CameraGroup]:
-    """Return the rover's pairs."""
-    robot, sensor = robot_model("rover"), read_sensor(arguments.camera)
-    groups = []
-    for pair, names in robot.pairs.items():
-        rig = robot.stereo_rig(simulation, pair, arguments.width)
-        cameras = dict(zip(names, (rig.left, rig.right), strict=True))
-        groups.append(CameraGroup(simulation, cameras, sensor, seed=7, pictures=pictures))
-    return groups
-
-
 def measure(ground: str, arguments: argparse.Namespace) -> None:
     """Print one row of the table."""
     world = load_world("yard", seed=7, options={"ground": ground, "path": PATH})
     simulation = Simulation(world, "rover", seed=7)
     robot, pictures = robot_model("rover"), Pictures(simulation)
-    groups = make_groups(simulation, pictures, arguments)
+    sensor, width = read_sensor(arguments.camera), arguments.width
+    groups = camera_groups(simulation, robot, sensor, width_px=width, seed=7, pictures=pictures)
     names = [name for pair in robot.pairs.values() for name in pair]
     height = arguments.width * 3 // 4
     renderer = make_renderer(simulation, arguments.width, height)
@@ -109,7 +97,7 @@ def measure(ground: str, arguments: argparse.Namespace) -> None:
             next(drive)
         times = ours if step else Times()  # the first view of all finds nothing kept
         with times:
-            for group in groups:
+            for group in groups.values():
                 group.take()
         if renderer is not None and step % 5 == 0:
             with theirs if step else Times():

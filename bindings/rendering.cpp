@@ -76,8 +76,8 @@ void set_light(Scene& scene, const std::array<double, 3>& to_sun, float sun, flo
 }
 
 nb::dict render_view(const Scene& scene, const CameraRays& camera,
-                     const Transform& world_from_camera,
-                     const std::optional<Transform>& world_from_camera_last, int channels,
+                     const RowExposure& world_from_camera,
+                     const std::optional<RowExposure>& world_from_camera_last, int channels,
                      int threads, int edge_samples) {
   Radiance seen;
   {
@@ -189,12 +189,17 @@ void bind_rendering(nb::module_& m) {
   bind_scene(m);
   nb::class_<CameraRays>(m, "CameraRays", "Rays of a camera's pixels through its lens model.")
       .def(nb::init<const Camera&>(), "camera"_a);
+  nb::class_<RowExposure>(m, "RowExposure", "Where a camera was while one row was exposed.")
+      .def(nb::init_implicit<const Transform&>(), "world_from_camera"_a, "It stood still.")
+      .def(nb::init<const Transform&, const Transform&, const Transform&>(), nb::kw_only(),
+           "begin"_a, "middle"_a, "end"_a, "world_from_camera; it moves evenly.");
   m.def("render", &render_view, "scene"_a, "camera"_a, nb::kw_only(), "world_from_camera"_a,
         "world_from_camera_last"_a = nb::none(), "channels"_a = 1, "threads"_a = 1,
         "edge_samples"_a = 32,
         "Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and "
-        "shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is "
-        "exposed; the same place for a global shutter.");
+        "shape (H, W), -1 there. world_from_camera: where the camera is while the first row is "
+        "exposed; world_from_camera_last: the last; the same for a global shutter. radiance is the "
+        "mean over the exposure, depth_m and shape are of its middle.");
   m.def("expose", &expose_light, "light"_a, "sensitivity"_a, nb::kw_only(), "grey"_a,
         "read_noise"_a, "shot_noise2"_a, "seed"_a,
         "Return the uint8 picture of `light` times `sensitivity` (float32 of one shape). grey: "

@@ -14,11 +14,13 @@
 
 namespace pilotage::PILOTAGE_ARCH {
 
-/// Rays of a group and how they change over one pixel.
+/// Rays of a group, how they change over one pixel and, where they move, over the exposure.
 struct PixelRays {
   Rays rays;
   Vectors per_x, per_y;
-  int most_probes = 8;  ///< of a texture, to average over what a ray stands for
+  Rays over_time;
+  bool moves = false;
+  int most_probes = most_still_probes;  ///< of a texture, at one moment
 };
 
 /// What became of a group of rays.
@@ -27,6 +29,12 @@ struct Seen {
   Ints shape = Ints{} - 1;
   Ints key = Ints{};  ///< differs where pixels see different things
   Floats radiance[3] = {};
+};
+
+/// Corners of a box that may hold nothing yet.
+struct Box {
+  float low[3] = {infinity, infinity, infinity};
+  float high[3] = {-infinity, -infinity, -infinity};
 };
 
 struct Sphere {
@@ -49,8 +57,9 @@ struct SeenShape {
 using Placed = std::vector<PlacedShape>;
 using Chosen = std::vector<int>;
 
-/// Shapes that may stand between what a tile sees and each light.
+/// Shapes that may stand between each light and what is hit within a box.
 struct Shading {
+  Box lit;
   Chosen sun;
   std::vector<Chosen> lamps;
 };
@@ -83,20 +92,18 @@ class Caster {
   }
 
   Chosen in_cone(const Cone& rays) const;
-  /// Fills `seen` for `groups` groups of rays that meet nothing but `candidates`, in the shadow of
-  /// nothing but `shading`; finds out the latter where it is not given.
-  void cast(const PixelRays* rays, int groups, const Chosen& candidates,
-            std::optional<Shading>& shading, SurfaceReader& surfaces, Seen* seen) const;
+  /// What is hit first, and how far away, by rays that meet nothing but `candidates`.
+  void find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const;
+  /// Lets `shading` hold what was hit by so many groups of rays, and more than it held.
+  void widen(const PixelRays* rays, int groups, const Seen* seen, Shading& shading) const;
+  /// How what was found looks, in the shadow of nothing but `shading`, which holds it.
+  void shade(const PixelRays& pixels, const Chosen& candidates, const Shading& shading,
+             SurfaceReader& surfaces, Seen& seen) const;
 
  private:
   static SeenShape cone_about(const PlacedShape& shape, float slack_m);
   Chosen between_sun(const Sphere& lit) const;
   Chosen between_lamp(const Sphere& lit, const PlacedLamp& lamp) const;
-  Shading choose_shading(const Sphere& lit) const;
-  void find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const;
-  std::optional<Sphere> hits(const PixelRays* rays, int groups, const Seen* seen) const;
-  void shade(const PixelRays& pixels, const Chosen& candidates, const Shading& shading,
-             SurfaceReader& surfaces, Seen& seen) const;
   void shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
                    const Shading& shading, SurfaceReader& surfaces, Seen& seen) const;
   Floats sun_and_sky(const Vectors& point, const Vectors& normal, const Ints& mask,
@@ -182,26 +189,25 @@ inline Chosen Caster::between_lamp(const Sphere& lit, const PlacedLamp& lamp) co
   Chosen chosen;
   const float* to = lamp.position;
   const float way[3] = {to[0] - lit.centre[0], to[1] - lit.centre[1], to[2] - lit.centre[2]};
-  const float length2 = way[0] * way[0] + way[1] * way[1] + way[2] * way[2] + 1e-12f;
+  const float length = std::max(std::hypot(way[0], way[1], way[2]), 1e-6f);
+  // The rays form a cone: as wide as what is lit there, and a point at the lamp. It is made of
+  // spheres whose radii fall by this much on the way; from within it all spheres shrink to the lit.
+  const float fall = std::min(lit.radius / length, 1.0f);
+  const float back = fall / std::sqrt(std::max(1 - fall * fall, 1e-6f));
   for (int i = 0; i < static_cast<int>(placed_.size()); ++i) {
     const PlacedShape& s = placed_[i];
     const float d[3] = {s.centre[0] - lit.centre[0], s.centre[1] - lit.centre[1],
                         s.centre[2] - lit.centre[2]};
-    const float part =
-        std::clamp((d[0] * way[0] + d[1] * way[1] + d[2] * way[2]) / length2, 0.0f, 1.0f);
-    // The rays form a cone: as wide as what is lit there, and a point at the lamp.
-    const float reach = s.radius + (1 - part) * lit.radius + 1e-3f;
-    const float away = std::hypot(d[0] - part * way[0], d[1] - part * way[1], d[2] - part * way[2]);
-    // Distance to the nearest point of the axis is at most this much more than to the cone.
-    if (away <= reach + lit.radius) chosen.push_back(i);
+    const float along = (d[0] * way[0] + d[1] * way[1] + d[2] * way[2]) / length;
+    const float part = along / length;
+    const float across =
+        std::hypot(d[0] - part * way[0], d[1] - part * way[1], d[2] - part * way[2]);
+    // The sphere whose surface comes nearest to the shape lies before the nearest point of the way.
+    const float nearest = std::clamp(along - back * across, 0.0f, length);
+    const float reach = s.radius + lit.radius - fall * nearest;
+    if (!(std::hypot(along - nearest, across) > reach)) chosen.push_back(i);
   }
   return chosen;
-}
-
-inline Shading Caster::choose_shading(const Sphere& lit) const {
-  Shading shading{between_sun(lit), {}};
-  for (const PlacedLamp& lamp : lamps_) shading.lamps.push_back(between_lamp(lit, lamp));
-  return shading;
 }
 
 inline void Caster::find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const {
@@ -237,29 +243,56 @@ PILOTAGE_INLINE void tint(const Eigen::Vector3f& colour, int channels, bool has_
   tints[0] = to_grey[0] * tints[0] + to_grey[1] * tints[1] + to_grey[2] * tints[2];
 }
 
+/// How the hits of rays move on the surface, along its tangent plane: with the pixel's x and y, and
+/// with time over the exposure.
+struct HitMotion {
+  Vectors by_x, by_y, by_time;
+};
+
+inline HitMotion hit_motion(const PixelRays& pixels, const PlacedShape& shape,
+                            const SurfacePoint& at, const Floats& distance) {
+  const Vectors direction = to_shape(shape, pixels.rays.direction);
+  const Floats facing = dot(direction, at.normal);
+  const Floats grazing =
+      facing < 0.0f ? min(facing, splat(-most_grazing)) : max(facing, splat(most_grazing));
+  const auto moved = [&](const Vectors& change) {
+    const Vectors e = to_shape(shape, change);
+    const Floats along = dot(e, at.normal) / grazing;
+    return e - along * direction;
+  };
+  HitMotion motion{};
+  motion.by_x = distance * moved(pixels.per_x);
+  motion.by_y = distance * moved(pixels.per_y);
+  if (pixels.moves) {
+    motion.by_time = moved(pixels.over_time.origin + distance * pixels.over_time.direction);
+  }
+  return motion;
+}
+
+/// Probes for what one lane of a group stands for, where it hits a shape.
+inline Probes probes_of(const PixelRays& pixels, const SurfacePoint& at, const HitMotion& motion,
+                        int lane, float finest_m) {
+  const Footprint footprint{dot(motion.by_x, at.u_axis), dot(motion.by_x, at.v_axis),
+                            dot(motion.by_y, at.u_axis), dot(motion.by_y, at.v_axis)};
+  const Probes still = still_probes(footprint, lane, finest_m, pixels.most_probes);
+  if (!pixels.moves) return still;
+  const Floats u = dot(motion.by_time, at.u_axis), v = dot(motion.by_time, at.v_axis);
+  return moving_probes(still, u[lane], v[lane], finest_m);
+}
+
 inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
                                 const Shading& shading, SurfaceReader& surfaces, Seen& seen) const {
   const int typical = typical_lane(mask);
   const Floats distance = mask ? seen.distance : splat(seen.distance[typical]);
   const SurfacePoint at = surface_at(shape, pixels.rays, distance);
-  const Vectors direction = to_shape(shape, pixels.rays.direction);
-  const Floats facing = dot(direction, at.normal);
-  const Floats grazing =
-      facing < 0.0f ? min(facing, splat(-most_grazing)) : max(facing, splat(most_grazing));
-  // How the hit moves when the pixel does: along the surface's tangent plane.
-  const auto moved = [&](const Vectors& change) {
-    const Vectors e = to_shape(shape, change);
-    return distance * (e - (dot(e, at.normal) / grazing) * direction);
-  };
-  const Vectors by_x = moved(pixels.per_x), by_y = moved(pixels.per_y);
-  const Footprint footprint{dot(by_x, at.u_axis), dot(by_x, at.v_axis), dot(by_y, at.u_axis),
-                            dot(by_y, at.v_axis)};
+  const HitMotion motion = hit_motion(pixels, shape, at, distance);
   const Material& material = scene_.materials()[shape.material];
   const Ints square = checker_square(material, at.u, at.v);
   Floats albedo = plain_albedo(material, square);
   if (!material.layers.empty()) {
-    albedo += layers_at(surfaces, shape.material, details_[shape.material], at.u, at.v, footprint,
-                        typical, pixels.most_probes);
+    const MaterialDetail& detail = details_[shape.material];
+    const Probes probes = probes_of(pixels, at, motion, typical, detail.finest_m);
+    albedo += layers_at(surfaces, shape.material, detail, at.u, at.v, probes);
     albedo = max(splat(0.01f), min(splat(1), albedo));
   }
   const Vectors normal = to_world(shape, at.normal);
@@ -269,7 +302,8 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
                        lamp_light(point, normal, mask, shading, dark);
   Floats tints[3];
   if (shape.texture) {
-    read_texture(shape, pixels.rays, distance, at, by_x, by_y, mask, pixels.most_probes, tints);
+    read_texture(shape, pixels.rays, distance, at, motion.by_x, motion.by_y, mask,
+                 pixels.most_probes, tints);
   }
   tint(material.colour, channels_, shape.texture != nullptr, tints);
   for (int c = 0; c < channels_; ++c) {
@@ -329,9 +363,8 @@ PILOTAGE_INLINE Ints Caster::in_shadow(const Rays& from_surface, const Vectors& 
   return shaded;
 }
 
-/// A sphere that holds what the rays hit; nothing when they hit nothing.
-inline std::optional<Sphere> Caster::hits(const PixelRays* rays, int groups,
-                                          const Seen* seen) const {
+/// A box that holds what the rays hit; empty when they hit nothing.
+inline Box hit_box(const PixelRays* rays, int groups, const Seen* seen) {
   Vectors low{splat(infinity), splat(infinity), splat(infinity)};
   Vectors high{-low.x, -low.y, -low.z};
   for (int g = 0; g < groups; ++g) {
@@ -342,31 +375,40 @@ inline std::optional<Sphere> Caster::hits(const PixelRays* rays, int groups,
     high = {is_hit ? max(high.x, hit.x) : high.x, is_hit ? max(high.y, hit.y) : high.y,
             is_hit ? max(high.z, hit.z) : high.z};
   }
-  const float lowest[3] = {least(low.x), least(low.y), least(low.z)};
-  const float highest[3] = {-least(-high.x), -least(-high.y), -least(-high.z)};
-  if (!(lowest[0] <= highest[0])) return std::nullopt;
-  Sphere sphere;
-  float size2 = 0;
-  for (int i = 0; i < 3; ++i) {
-    sphere.centre[i] = 0.5f * (lowest[i] + highest[i]);
-    size2 += (highest[i] - lowest[i]) * (highest[i] - lowest[i]);
-  }
-  // Samples on edges may hit a little beside.
-  sphere.radius = 0.55f * std::sqrt(size2) + 0.05f;
-  return sphere;
+  return {{least(low.x), least(low.y), least(low.z)},
+          {-least(-high.x), -least(-high.y), -least(-high.z)}};
 }
 
-inline void Caster::cast(const PixelRays* rays, int groups, const Chosen& candidates,
-                         std::optional<Shading>& shading, SurfaceReader& surfaces,
-                         Seen* seen) const {
-  for (int g = 0; g < groups; ++g) find(rays[g], candidates, seen[g]);
-  if (!shading) {
-    const std::optional<Sphere> lit = hits(rays, groups, seen);
-    shading = lit ? choose_shading(*lit) : Shading{};
-    // Samples on an edge may still hit what no ray of the tile does.
-    while (shading->lamps.size() < lamps_.size()) shading->lamps.push_back({});
+/// Whether all that a group of rays hit lies in the box.
+PILOTAGE_INLINE bool holds(const Box& box, const PixelRays& rays, const Seen& seen) {
+  const Vectors hit = rays.rays.origin + seen.distance * rays.rays.direction;
+  const Ints is_out = (hit.x < box.low[0]) | (hit.x > box.high[0]) | (hit.y < box.low[1]) |
+                      (hit.y > box.high[1]) | (hit.z < box.low[2]) | (hit.z > box.high[2]);
+  return !any(is_out & (seen.shape >= 0));
+}
+
+inline void Caster::widen(const PixelRays* rays, int groups, const Seen* seen,
+                          Shading& shading) const {
+  const Box hits = hit_box(rays, groups, seen);
+  if (!(hits.low[0] <= hits.high[0])) return;
+  Box& lit = shading.lit;
+  float size2 = 0;
+  for (int i = 0; i < 3; ++i) {
+    lit.low[i] = std::min(lit.low[i], hits.low[i]);
+    lit.high[i] = std::max(lit.high[i], hits.high[i]);
+    size2 += (lit.high[i] - lit.low[i]) * (lit.high[i] - lit.low[i]);
   }
-  for (int g = 0; g < groups; ++g) shade(rays[g], candidates, *shading, surfaces, seen[g]);
+  // A little more, so that it need not be done again for each sample that hits a little beside.
+  const float beside = 0.05f * std::sqrt(size2) + 0.01f;
+  Sphere sphere{{}, 0.5f * std::sqrt(size2) + 2 * beside};
+  for (int i = 0; i < 3; ++i) {
+    lit.low[i] -= beside;
+    lit.high[i] += beside;
+    sphere.centre[i] = 0.5f * (lit.low[i] + lit.high[i]);
+  }
+  shading.sun = between_sun(sphere);
+  shading.lamps.clear();
+  for (const PlacedLamp& lamp : lamps_) shading.lamps.push_back(between_lamp(sphere, lamp));
 }
 
 }  // namespace pilotage::PILOTAGE_ARCH

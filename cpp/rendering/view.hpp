@@ -29,11 +29,20 @@ class CameraRays {
   std::vector<float> x_, y_, z_;
 };
 
-/// Where the camera was while the first and while the last row were exposed: equal for a global
-/// shutter.
+/// Where the camera was while one row was exposed: world_from_camera at the begin, the middle and
+/// the end of the exposure, between which it moves evenly.
+struct RowExposure {
+  Transform begin, middle, end;
+  /// A camera that stands still.
+  RowExposure(const Transform& world_from_camera)
+      : begin(world_from_camera), middle(world_from_camera), end(world_from_camera) {}
+  RowExposure(const Transform& at_begin, const Transform& at_middle, const Transform& at_end)
+      : begin(at_begin), middle(at_middle), end(at_end) {}
+};
+
+/// Of the first and of the last row: equal for a global shutter.
 struct ShutterPoses {
-  Transform world_from_camera_first;
-  Transform world_from_camera_last;
+  RowExposure first, last;
 };
 
 struct RenderOptions {
@@ -42,17 +51,20 @@ struct RenderOptions {
   int edge_samples = 32;
 };
 
-/// Radiance that reaches each pixel: row by row, `channels` (1: grey, 3: red, green, blue)
-/// together.
+/// Mean radiance that reaches each pixel while it is exposed: row by row, `channels` (1: grey, 3:
+/// red, green, blue) together.
 struct Radiance {
   int width = 0, height = 0, channels = 1;
   std::vector<float> values;
-  std::vector<float> depth_m;       ///< along the camera's z; 0 where nothing is hit
-  std::vector<std::int32_t> shape;  ///< index; -1 where nothing is hit
+  /// In the middle of the exposure, along the camera's z; 0 where nothing is hit.
+  std::vector<float> depth_m;
+  std::vector<std::int32_t> shape;  ///< then as well, index; -1 where nothing is hit
 };
 
-/// Casts a ray through the middle of each pixel, and more where its neighbours hit something else.
-/// The result does not depend on the number of threads.
+/// Casts a ray through the middle of each pixel in the middle of its exposure, and reads the
+/// surface along the streak that the pixel draws there. Where edges pass, by the camera's motion or
+/// because a neighbour hits something else, more rays are spread over the pixel and over its
+/// exposure. Shapes stand still. The result does not depend on the number of threads.
 Radiance render(const Scene& scene, const CameraRays& camera, const ShutterPoses& poses,
                 int channels, const RenderOptions& options);
 

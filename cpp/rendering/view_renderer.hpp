@@ -7,31 +7,24 @@
 #include <thread>
 
 #include "rendering/caster.hpp"
+#include "rendering/exposed_rays.hpp"
 #include "rendering/view.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {
 
-constexpr float pi = 3.14159265f;
 constexpr int tile = count;  // a group of rays is a row of a tile
-
-/// Where a ray of row `row` starts, relative to the view's centre, and the turn of its camera.
-struct RowPose {
-  Eigen::Matrix3f world_from_camera;
-  Eigen::Vector3f origin;
-};
+/// Of what moves less while it is exposed a still picture is taken.
+constexpr float still_px = 0.05f;
+constexpr float longest_streak_px = 256;
 
 class ViewRenderer {
  public:
   ViewRenderer(const Scene& scene, const CameraRays& camera, const ShutterPoses& poses,
                int channels, const RenderOptions& options)
       : scene_(scene),
-        camera_(camera),
         options_(options),
-        caster_(scene, poses.world_from_camera_first.translation,
-                static_cast<float>((poses.world_from_camera_last.translation -
-                                    poses.world_from_camera_first.translation)
-                                       .norm()),
-                channels) {
+        rays_(camera, poses, options.edge_samples),
+        caster_(scene, poses.first.middle.translation, rays_.furthest_start_m(), channels) {
     result_.width = camera.width();
     result_.height = camera.height();
     result_.channels = channels;
@@ -42,128 +35,50 @@ class ViewRenderer {
     keys_.resize(pixels);
     tiles_x_ = (result_.width + tile - 1) / tile;
     tiles_y_ = (result_.height + tile - 1) / tile;
-    chosen_.resize(static_cast<std::size_t>(tiles_x_) * tiles_y_);
-    pose_rows(poses);
-    spread_samples();
+    tiles_.resize(static_cast<std::size_t>(tiles_x_) * tiles_y_);
   }
 
   Radiance run();
 
  private:
-  struct TileShapes {
-    Chosen seen;
-    std::optional<Shading> shading;
+  struct Tile {
+    Chosen shapes;
+    Shading shading;
+    float moved_px = 0;  ///< over the exposure, at most
   };
 
-  void pose_rows(const ShutterPoses& poses);
-  void spread_samples();
   void in_parallel(void (ViewRenderer::*work)(int tile_row, SurfaceReader&));
-  void fill_rays(int column, int row, PixelRays& pixels) const;
-  void fill_within(const PixelRays& group, int sixteen, PixelRays& within) const;
-  static Cone cone_of(const PixelRays* rays, int rows);
+  Tile& tile_at(int tile_column, int tile_row) {
+    return tiles_[static_cast<std::size_t>(tile_row) * tiles_x_ + tile_column];
+  }
   void cast_tiles(int tile_row, SurfaceReader& surfaces);
   void cast_tile(int tile_column, int tile_row, SurfaceReader& surfaces);
   void smooth_edges(int tile_row, SurfaceReader& surfaces);
-  void smooth(int column, int row, TileShapes& shapes, SurfaceReader& surfaces);
+  void smooth(int column, int row, Tile& tile, SurfaceReader& surfaces);
   bool is_edge(int column, int row) const;
+  void mark_streaks(int tile_row, SurfaceReader& surfaces);
+  void mark_streak(int column, int row);
+  void mark(int column, int row);
+  Eigen::Vector2f streak_of(int column, int row) const;
+  void mark_entering(int tile_column, int tile_row, SurfaceReader& surfaces);
+  void cast_alone(const PixelRays& pixels, Tile& tile, SurfaceReader& surfaces, Seen& seen) const;
   void keep(const Seen& seen, const PixelRays& rays, int column, int row);
 
   const Scene& scene_;
-  const CameraRays& camera_;
   const RenderOptions& options_;
+  ExposedRays rays_;
   Caster caster_;
   Radiance result_;
   std::vector<std::int32_t> keys_;
-  std::vector<RowPose> rows_;
-  std::vector<TileShapes> chosen_;
-  std::vector<float> within_x_, within_y_;  ///< samples of a pixel, from its middle
+  std::vector<Tile> tiles_;
+  float moved_px_ = 0;  ///< at most, by any tile
+  /// Where edges pass that are elsewhere in the middle of the exposure; empty if none moves so far.
+  std::vector<std::uint8_t> is_passed_;
   int tiles_x_ = 0, tiles_y_ = 0;
 };
 
-inline void ViewRenderer::pose_rows(const ShutterPoses& poses) {
-  const Transform& first = poses.world_from_camera_first;
-  const Transform& last = poses.world_from_camera_last;
-  const int rows = tiles_y_ * tile;
-  for (int row = 0; row < rows; ++row) {
-    const double part = result_.height > 1 ? static_cast<double>(row) / (result_.height - 1) : 0;
-    rows_.push_back({first.rotation.slerp(part, last.rotation).toRotationMatrix().cast<float>(),
-                     (part * (last.translation - first.translation)).cast<float>()});
-  }
-}
-
-/// The part of `index` whose bits are mirrored about the binary point (van der Corput).
-inline float mirrored(std::uint32_t index) {
-  float value = 0, digit = 0.5f;
-  for (; index; index >>= 1, digit *= 0.5f) value += digit * static_cast<float>(index & 1);
-  return value;
-}
-
-/// Samples spread over one pixel (Hammersley): no two of them in a row or column.
-inline void ViewRenderer::spread_samples() {
-  const float share = 1.0f / static_cast<float>(options_.edge_samples);
-  for (int i = 0; i < options_.edge_samples; ++i) {
-    within_x_.push_back((static_cast<float>(i) + 0.5f) * share - 0.5f);
-    within_y_.push_back(mirrored(static_cast<std::uint32_t>(i)) + 0.5f * share - 0.5f);
-  }
-}
-
-PILOTAGE_INLINE Vectors turned(const Eigen::Matrix3f& m, const Vectors& v) {
-  return {m(0, 0) * v.x + m(0, 1) * v.y + m(0, 2) * v.z,
-          m(1, 0) * v.x + m(1, 1) * v.y + m(1, 2) * v.z,
-          m(2, 0) * v.x + m(2, 1) * v.y + m(2, 2) * v.z};
-}
-
-/// Rays of `count` pixels of a row from `column` on.
-inline void ViewRenderer::fill_rays(int column, int row, PixelRays& pixels) const {
-  const RowPose& pose = rows_[row];
-  const auto from = [&](int dx, int dy) {
-    return Vectors{load(camera_.x(row + dy) + column + dx), load(camera_.y(row + dy) + column + dx),
-                   load(camera_.z(row + dy) + column + dx)};
-  };
-  pixels.rays.direction = turned(pose.world_from_camera, from(0, 0));
-  pixels.rays.origin = {splat(pose.origin.x()), splat(pose.origin.y()), splat(pose.origin.z())};
-  const Floats half = splat(0.5f);
-  pixels.per_x = turned(pose.world_from_camera, half * (from(1, 0) - from(-1, 0)));
-  pixels.per_y = turned(pose.world_from_camera, half * (from(0, 1) - from(0, -1)));
-}
-
-/// Sixteen rays within the first pixel of a group.
-inline void ViewRenderer::fill_within(const PixelRays& group, int sixteen,
-                                      PixelRays& within) const {
-  const auto first = [](const Vectors& v) {
-    return Vectors{splat(v.x[0]), splat(v.y[0]), splat(v.z[0])};
-  };
-  const Floats dx = load(&within_x_[sixteen * count]), dy = load(&within_y_[sixteen * count]);
-  const Vectors per_x = first(group.per_x), per_y = first(group.per_y);
-  within.rays.origin = first(group.rays.origin);
-  within.rays.direction = first(group.rays.direction) + (dx * per_x + dy * per_y);
-  const Floats smaller = splat(1 / std::sqrt(static_cast<float>(options_.edge_samples)));
-  within.per_x = smaller * per_x;
-  within.per_y = smaller * per_y;
-  within.most_probes = 1;
-}
-
-/// The cone of all rays of a tile.
-inline Cone ViewRenderer::cone_of(const PixelRays* rays, int rows) {
-  const Vectors& middle = rays[rows / 2].rays.direction;
-  Cone cone{{middle.x[count / 2], middle.y[count / 2], middle.z[count / 2]}, -1, 0};
-  // Where the lens has no inverse there is no ray, and no comparison holds.
-  if (!std::isfinite(cone.axis[0])) return cone;
-  Floats cosine = splat(1);
-  for (int r = 0; r < rows; ++r) {
-    const Vectors& d = rays[r].rays.direction;
-    const Floats c = d.x * cone.axis[0] + d.y * cone.axis[1] + d.z * cone.axis[2];
-    cosine = c < cosine ? c : cosine;
-  }
-  // Samples within the outermost pixels lie a little further out.
-  const float half = 1.1f * std::acos(std::clamp(least(cosine), -1.0f, 1.0f)) + 1e-3f;
-  cone.cosine = std::cos(std::min(half, pi));
-  cone.sine = std::sin(std::min(half, pi));
-  return cone;
-}
-
 inline void ViewRenderer::keep(const Seen& seen, const PixelRays& rays, int column, int row) {
-  const Eigen::Vector3f ahead = rows_[row].world_from_camera.col(2);
+  const Eigen::Vector3f ahead = rays_.ahead(row);
   const Vectors& d = rays.rays.direction;
   const Floats along = d.x * ahead.x() + d.y * ahead.y() + d.z * ahead.z();
   const Ints is_hit = seen.shape >= 0;
@@ -192,13 +107,19 @@ inline void ViewRenderer::keep(const Seen& seen, const PixelRays& rays, int colu
 inline void ViewRenderer::cast_tile(int tile_column, int tile_row, SurfaceReader& surfaces) {
   const int column = tile_column * tile, top = tile_row * tile;
   const int rows = std::min(tile, result_.height - top);
-  PixelRays rays[tile];
+  PixelRays rays[tile] = {};
   Seen seen[tile];
-  for (int r = 0; r < rows; ++r) fill_rays(column, top + r, rays[r]);
-  TileShapes& chosen = chosen_[static_cast<std::size_t>(tile_row) * tiles_x_ + tile_column];
-  chosen.seen = caster_.in_cone(cone_of(rays, rows));
-  caster_.cast(rays, rows, chosen.seen, chosen.shading, surfaces, seen);
-  for (int r = 0; r < rows; ++r) keep(seen[r], rays[r], column, top + r);
+  Tile& here = tile_at(tile_column, tile_row);
+  for (int r = 0; r < rows; ++r) rays_.fill(column, top + r, rays[r]);
+  here.shapes = caster_.in_cone(rays_.cone_of(rays, rows, top));
+  for (int r = 0; r < rows; ++r) caster_.find(rays[r], here.shapes, seen[r]);
+  caster_.widen(rays, rows, seen, here.shading);
+  here.moved_px = rays_.most_moved_px(rays, rows, top, seen);
+  for (int r = 0; r < rows; ++r) {
+    rays[r].moves = here.moved_px > still_px;
+    caster_.shade(rays[r], here.shapes, here.shading, surfaces, seen[r]);
+    keep(seen[r], rays[r], column, top + r);
+  }
 }
 
 inline void ViewRenderer::cast_tiles(int tile_row, SurfaceReader& surfaces) {
@@ -212,15 +133,104 @@ inline bool ViewRenderer::is_edge(int column, int row) const {
          (row > 0 && key[-width] != *key) || (row + 1 < result_.height && key[width] != *key);
 }
 
-inline void ViewRenderer::smooth(int column, int row, TileShapes& shapes, SurfaceReader& surfaces) {
+/// How far what a pixel sees moves over the exposure, pixels in x and y.
+inline Eigen::Vector2f ViewRenderer::streak_of(int column, int row) const {
+  PixelRays rays;
+  rays_.fill(column, row, rays);
+  const auto first = [](const Vectors& v) { return Eigen::Vector3f(v.x[0], v.y[0], v.z[0]); };
+  const float depth_m = result_.depth_m[static_cast<std::size_t>(row) * result_.width + column];
+  const float along = first(rays.rays.direction).dot(rays_.ahead(row));
+  const float per_m = depth_m > 0 ? along / depth_m : 0;
+  const Eigen::Vector3f way =
+      per_m * first(rays.over_time.origin) + first(rays.over_time.direction);
+  const Eigen::Vector3f per_x = first(rays.per_x), per_y = first(rays.per_y);
+  return {way.dot(per_x) / per_x.squaredNorm(), way.dot(per_y) / per_y.squaredNorm()};
+}
+
+/// Marks the pixels that an edge at this one passes over the exposure.
+inline void ViewRenderer::mark_streak(int column, int row) {
+  const Eigen::Vector2f streak = streak_of(column, row);
+  const float length = std::max(std::abs(streak.x()), std::abs(streak.y()));
+  if (!std::isfinite(length) || !(length > 1)) return;
+  // The edge lies between this pixel and its neighbour, which is marked as well.
+  const int steps = static_cast<int>(std::ceil(0.5f * std::min(length, longest_streak_px) - 0.5f));
+  const bool is_wide = std::abs(streak.x()) >= std::abs(streak.y());
+  for (int step = -steps; step <= steps; ++step) {
+    const Eigen::Vector2f way = static_cast<float>(step) / length * streak;
+    for (const float beside : {-0.499f, 0.499f}) {  // of two pixels that it passes between both
+      const auto x = static_cast<int>(std::lround(way.x() + (is_wide ? 0 : beside)));
+      const auto y = static_cast<int>(std::lround(way.y() + (is_wide ? beside : 0)));
+      mark(column + x, row + y);
+    }
+  }
+}
+
+/// Any thread may mark any pixel.
+inline void ViewRenderer::mark(int column, int row) {
+  if (column < 0 || column >= result_.width || row < 0 || row >= result_.height) return;
+  const std::size_t at = static_cast<std::size_t>(row) * result_.width + column;
+  std::atomic_ref(is_passed_[at]).store(1, std::memory_order_relaxed);
+}
+
+/// Marks where at begin or end of the exposure something else is seen than in its middle: what
+/// comes in from beyond the picture's border has no edge there.
+inline void ViewRenderer::mark_entering(int tile_column, int tile_row, SurfaceReader& surfaces) {
+  const int column = tile_column * tile, top = tile_row * tile;
+  // Nothing has come further from the upper or the lower border; from the side a group is a row.
+  const int deep = static_cast<int>(std::ceil(0.5f * moved_px_));
+  const bool is_side = tile_column == 0 || tile_column + 1 == tiles_x_;
+  for (int row = top; row < std::min(top + tile, result_.height); ++row) {
+    if (!is_side && row >= deep && row + deep < result_.height) continue;
+    for (const float time : {-0.5f, 0.5f}) {
+      PixelRays then;
+      then.most_probes = 1;
+      Seen seen;
+      rays_.fill(column, row, then);
+      then.rays = at_time(splat(time), then);
+      cast_alone(then, tile_at(tile_column, tile_row), surfaces, seen);
+      const std::int32_t* keys = &keys_[static_cast<std::size_t>(row) * result_.width + column];
+      for (int k = 0; k < std::min(count, result_.width - column); ++k) {
+        if (seen.key[k] != keys[k]) mark(column + k, row);
+      }
+    }
+  }
+}
+
+inline void ViewRenderer::mark_streaks(int tile_row, SurfaceReader& surfaces) {
+  for (int tile_column = 0; tile_column < tiles_x_; ++tile_column) {
+    const bool is_border = tile_row == 0 || tile_row + 1 == tiles_y_ || tile_column == 0 ||
+                           tile_column + 1 == tiles_x_;
+    if (is_border) mark_entering(tile_column, tile_row, surfaces);
+    if (tile_at(tile_column, tile_row).moved_px <= 1) continue;
+    const int bottom = std::min((tile_row + 1) * tile, result_.height);
+    const int right = std::min((tile_column + 1) * tile, result_.width);
+    for (int row = tile_row * tile; row < bottom; ++row) {
+      for (int column = tile_column * tile; column < right; ++column) {
+        if (is_edge(column, row)) mark_streak(column, row);
+      }
+    }
+  }
+}
+
+/// Casts a group of rays that are not among those that the tile was made of.
+inline void ViewRenderer::cast_alone(const PixelRays& pixels, Tile& tile, SurfaceReader& surfaces,
+                                     Seen& seen) const {
+  caster_.find(pixels, tile.shapes, seen);
+  if (!holds(tile.shading.lit, pixels, seen)) caster_.widen(&pixels, 1, &seen, tile.shading);
+  caster_.shade(pixels, tile.shapes, tile.shading, surfaces, seen);
+}
+
+inline void ViewRenderer::smooth(int column, int row, Tile& tile, SurfaceReader& surfaces) {
   float sums[3] = {};
   const int groups = options_.edge_samples / count;
   PixelRays group, within;
-  fill_rays(column, row, group);
+  rays_.fill(column, row, group);
+  // Also where the tile itself moves less: what passes may come from another.
+  group.moves = moved_px_ > still_px;
   for (int g = 0; g < groups; ++g) {
-    fill_within(group, g, within);
+    rays_.fill_within(group, g, within);
     Seen seen;
-    caster_.cast(&within, 1, shapes.seen, shapes.shading, surfaces, &seen);
+    cast_alone(within, tile, surfaces, seen);
     for (int c = 0; c < result_.channels; ++c) {
       for (int k = 0; k < count; ++k) sums[c] += seen.radiance[c][k];
     }
@@ -236,9 +246,10 @@ inline void ViewRenderer::smooth_edges(int tile_row, SurfaceReader& surfaces) {
   const int bottom = std::min((tile_row + 1) * tile, result_.height);
   for (int row = tile_row * tile; row < bottom; ++row) {
     for (int column = 0; column < result_.width; ++column) {
-      if (!is_edge(column, row)) continue;
-      smooth(column, row, chosen_[static_cast<std::size_t>(tile_row) * tiles_x_ + column / tile],
-             surfaces);
+      const bool is_passed =
+          !is_passed_.empty() && is_passed_[static_cast<std::size_t>(row) * result_.width + column];
+      if (!is_passed && !is_edge(column, row)) continue;
+      smooth(column, row, tile_at(column / tile, tile_row), surfaces);
     }
   }
 }
@@ -257,7 +268,14 @@ inline void ViewRenderer::in_parallel(void (ViewRenderer::*work)(int tile_row, S
 inline Radiance ViewRenderer::run() {
   const SurfaceTiles::View view = scene_.surface_tiles().begin_view();
   in_parallel(&ViewRenderer::cast_tiles);
-  if (options_.edge_samples > 1) in_parallel(&ViewRenderer::smooth_edges);
+  if (options_.edge_samples > 1) {
+    for (const Tile& each : tiles_) moved_px_ = std::max(moved_px_, each.moved_px);
+    if (moved_px_ > 1) {
+      is_passed_.resize(keys_.size());
+      in_parallel(&ViewRenderer::mark_streaks);
+    }
+    in_parallel(&ViewRenderer::smooth_edges);
+  }
   return std::move(result_);
 }
 

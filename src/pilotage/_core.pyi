@@ -1506,18 +1506,29 @@ class CameraRays:
 
     def __init__(self, camera: Camera) -> None: ...
 
+class RowExposure:
+    """Where a camera was while one row was exposed."""
+
+    @overload
+    def __init__(self, world_from_camera: Transform) -> None:
+        """It stood still."""
+
+    @overload
+    def __init__(self, *, begin: Transform, middle: Transform, end: Transform) -> None:
+        """world_from_camera; it moves evenly."""
+
 def render(
     scene: Scene,
     camera: CameraRays,
     *,
-    world_from_camera: Transform,
-    world_from_camera_last: Transform | None = None,
+    world_from_camera: RowExposure,
+    world_from_camera_last: RowExposure | None = None,
     channels: int = 1,
     threads: int = 1,
     edge_samples: int = 32,
 ) -> dict:
     """
-    Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera_last: where the camera is when the last row is exposed; the same place for a global shutter.
+    Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera: where the camera is while the first row is exposed; world_from_camera_last: the last; the same for a global shutter. radiance is the mean over the exposure, depth_m and shape are of its middle.
     """
 
 def expose(

@@ -14,8 +14,7 @@ from pilotage.errors import InputError
 from pilotage.recordings.mcap_writer import McapWriter
 from pilotage.simulation import Drive, RobotModel, Simulation
 from pilotage.simulation.camera_faults import written_rig
-from pilotage.simulation.camera_group import CameraGroup
-from pilotage.simulation.pictures import Pictures
+from pilotage.simulation.camera_group import camera_groups
 from pilotage.simulation.sensor import Sensor
 
 OnMoment = Callable[[Moment], None]
@@ -54,12 +53,9 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
         raise InputError(f"rate {rate_hz:g} Hz: must lie from 0.5 to 60")
     chosen = tuple(robot.pairs) if pairs is None else tuple(pairs)
     rigs = {pair: robot.stereo_rig(simulation, pair, width_px, sensor.readout_s) for pair in chosen}
-    rendered, groups = Pictures(simulation), {}
-    for pair, rig in rigs.items():
-        cameras = dict(zip(robot.pairs[pair], (rig.left, rig.right), strict=True))
-        groups[pair] = CameraGroup(
-            simulation, cameras, sensor, seed=simulation.world.seed, pictures=rendered
-        )
+    groups = camera_groups(
+        simulation, robot, sensor, width_px=width_px, seed=simulation.world.seed, pairs=chosen
+    )
     way = Way(simulation)
     with McapWriter(out) as writer:
         for pair, rig in rigs.items():

@@ -23,9 +23,8 @@ from pilotage.recordings.mcap_writer import ROBOT, McapWriter
 from pilotage.robots.robot import HeadAngles
 from pilotage.robots.simulated import SimulatedNao
 from pilotage.simulation import Drive, RobotModel, Simulation
-from pilotage.simulation.camera_group import CameraGroup
+from pilotage.simulation.camera_group import CameraGroup, camera_groups
 from pilotage.simulation.nao import Nao
-from pilotage.simulation.pictures import Pictures
 from pilotage.simulation.sensor import Sensor
 
 TORSO, NECK, HEAD = "torso", "neck", "head"
@@ -87,14 +86,7 @@ def record_stops(  # noqa: PLR0913, what a recording is made of
     cameras = {
         name: robot.lens.camera(width_px, number) for number, name in enumerate(robot.singles)
     }
-    rendered = Pictures(simulation)
-    groups = {
-        # Two cameras of their own, each with its exposure.
-        name: CameraGroup(
-            simulation, {name: camera}, sensor, seed=simulation.world.seed, pictures=rendered
-        )
-        for name, camera in cameras.items()
-    }
+    groups = camera_groups(simulation, robot, sensor, width_px=width_px, seed=simulation.world.seed)
     with McapWriter(out) as writer, SimulatedNao(simulation) as nao:
         for name, camera in cameras.items():
             writer.add_camera(name, camera)

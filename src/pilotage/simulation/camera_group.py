@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -21,7 +22,9 @@ from pilotage.simulation.camera_faults import (
 from pilotage.simulation.exposure import Exposer, Imager, Picture, Radiance
 from pilotage.simulation.faults import Fault
 from pilotage.simulation.lens import Lens
+from pilotage.simulation.models import RobotModel
 from pilotage.simulation.options import check_seed
+from pilotage.simulation.parallel import in_parallel
 from pilotage.simulation.physics import Simulation
 from pilotage.simulation.pictures import Pictures
 from pilotage.simulation.sensor import Sensor
@@ -88,11 +91,11 @@ class CameraGroup:
         self._sensor = sensor
         self._seed = [SALT, check_seed(seed), *map(ord, "".join(cameras))]
         self._exposer = Exposer(sensor, light=INDOOR_LIGHT if _is_indoors(simulation) else 1.0)
-        shared = pictures if pictures is not None else Pictures(simulation)
+        self._pictures = pictures if pictures is not None else Pictures(simulation)
         self._eyes = [
             _Eye(
                 name=name,
-                view=View(simulation, shared, name, camera),
+                view=View(simulation, self._pictures, name, camera),
                 lens=Lens(sensor.blur_px, [*self._seed, number]),
                 imager=Imager(sensor, np.random.default_rng([*self._seed, number])),
                 kept=deque(maxlen=1 + max_lag(simulation.faults)),
@@ -118,19 +121,19 @@ class CameraGroup:
         if middle_ns <= self._newest_ns:
             return None
         self._newest_ns = middle_ns
-        faults = self._simulation.faults
-        acting = {eye.name: acting_on_camera(faults, eye.name, middle_ns) for eye in self._eyes}
-        lights = {
-            eye.name: self._light(eye, acting[eye.name], middle_ns, exposure_s)
-            for eye in self._eyes
-        }
-        for number, eye in enumerate(self._eyes):
-            drawn = np.random.SeedSequence([*self._seed, ended_ns, number])
-            noise_seed = int(drawn.generate_state(1, np.uint64)[0])
-            picture = eye.imager.expose(lights[eye.name], self._exposer, seed=noise_seed)
+        acting = self._acting(middle_ns)
+        looks = self._looks(acting, middle_ns, exposure_s)
+        drawn = [np.random.SeedSequence([*self._seed, ended_ns, n]) for n in range(len(looks))]
+        taken = in_parallel(
+            [
+                partial(self._expose, eye, look, int(seed.generate_state(1, np.uint64)[0]))
+                for eye, look, seed in zip(self._eyes, looks, drawn, strict=True)
+            ]
+        )
+        for eye, (picture, _) in zip(self._eyes, taken, strict=True):
             eye.kept.append(picture)
         # The brightest decides: a covered camera must not make the other one blind as well.
-        self._exposer.regulate(max(float(light.mean()) for light in lights.values()))
+        self._exposer.regulate(max(mean for _, mean in taken))
         pictures = {eye.name: eye.kept[-1] for eye in self._eyes}
         random = np.random.default_rng([*self._seed, ended_ns])
         for pair in self._pairs:
@@ -145,28 +148,44 @@ class CameraGroup:
         )
 
     def _meter(self, at_ns: int) -> None:
-        acting = {
-            eye.name: acting_on_camera(self._simulation.faults, eye.name, at_ns)
-            for eye in self._eyes
-        }
-        means = [float(self._light(e, acting[e.name], at_ns, 0.0).mean()) for e in self._eyes]
-        self._exposer.regulate(max(means))
+        lights = in_parallel(self._looks(self._acting(at_ns), at_ns, 0.0))
+        self._exposer.regulate(max(float(light.mean()) for light in lights))
 
-    def _light(
+    def _acting(self, time_ns: int) -> dict[str, CameraActing]:
+        faults = self._simulation.faults
+        return {eye.name: acting_on_camera(faults, eye.name, time_ns) for eye in self._eyes}
+
+    def _looks(
+        self, acting: Mapping[str, CameraActing], middle_ns: int, exposure_s: float
+    ) -> list[Callable[[int], Radiance]]:
+        """Return for each camera what renders the light on its sensor, with so many threads.
+
+        All that depends on the simulation is done here: each may run in a thread of its own.
+        """
+        self._pictures.follow()
+        return [self._look(eye, acting[eye.name], middle_ns, exposure_s) for eye in self._eyes]
+
+    def _look(
         self, eye: _Eye, acting: CameraActing, middle_ns: int, exposure_s: float
-    ) -> Radiance:
-        """Return what falls on a camera's sensor."""
+    ) -> Callable[[int], Radiance]:
         at_ns = max(0, middle_ns - self._lag_ns(eye.name, middle_ns))
         pose = self._simulation.camera_pose(eye.name, at_ns) @ acting.built_from_camera
         self._simulation.check_free(eye.name, pose.translation_m, at_ns)
-        radiance = eye.view.seen(
+        render = eye.view.look(
             middle_ns=at_ns,
             exposure_s=exposure_s,
             readout_s=self._sensor.readout_s if exposure_s else 0.0,
             channels=self._sensor.channels,
             built_from_camera=acting.built_from_camera,
         )
-        return eye.lens.pass_on(radiance, acting)
+        return lambda threads: eye.lens.pass_on(render(threads), acting)
+
+    def _expose(
+        self, eye: _Eye, look: Callable[[int], Radiance], noise_seed: int, threads: int
+    ) -> tuple[Picture, float]:
+        """Return one camera's picture and its mean light."""
+        light = look(threads)
+        return eye.imager.expose(light, self._exposer, seed=noise_seed), float(light.mean())
 
     def _lag_ns(self, camera: str, time_ns: int) -> int:
         """Return how much older a camera's view is than its partner's."""
@@ -209,6 +228,34 @@ class CameraGroup:
             stamp_ns = max(eye.newest_stamp_ns + 1, taken_ns + round(1e9 * late_s))
             eye.newest_stamp_ns = stamp_ns
         return {eye.name: eye.newest_stamp_ns for eye in self._eyes}
+
+
+def camera_groups(  # noqa: PLR0913, what a robot sees with
+    simulation: Simulation,
+    robot: RobotModel,
+    sensor: Sensor,
+    *,
+    width_px: int,
+    seed: int,
+    pairs: Sequence[str] | None = None,
+    pictures: Pictures | None = None,
+) -> dict[str, CameraGroup]:
+    """Return a robot's cameras by name: the stereo pairs of `pairs`, each with one exposure.
+
+    Without `pairs` all there are, and each single camera by itself. They share one `Pictures`.
+    """
+    cameras: dict[str, Mapping[str, Camera]] = {}
+    for pair in robot.pairs if pairs is None else pairs:
+        rig = robot.stereo_rig(simulation, pair, width_px)
+        cameras[pair] = dict(zip(robot.pairs[pair], (rig.left, rig.right), strict=True))
+    if pairs is None:
+        for number, name in enumerate(robot.singles):
+            cameras[name] = {name: robot.lens.camera(width_px, number)}
+    shared = pictures if pictures is not None else Pictures(simulation)
+    return {
+        name: CameraGroup(simulation, group, sensor, seed=seed, pictures=shared)
+        for name, group in cameras.items()
+    }
 
 
 def max_lag(faults: tuple[Fault, ...]) -> int:

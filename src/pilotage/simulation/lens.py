@@ -32,10 +32,12 @@ class Lens:
     def pass_on(self, radiance: Radiance, acting: CameraActing) -> Radiance:
         """Return the light behind the lens, (H, W) or (H, W, 3)."""
         blur_px = math.hypot(self._blur_px, acting.blur_px)
-        light: Any = radiance * np.float32(1 - acting.darkness)
+        light: Any = radiance
+        if acting.darkness > 0:
+            light = light * np.float32(1 - acting.darkness)
         if blur_px > 0:
             light = cv2.GaussianBlur(light, (0, 0), blur_px)
-        mean = float(light.mean())
+        mean = float(light.mean()) if acting.dirt > 0 or acting.glare > 0 else 0.0
         if acting.dirt > 0:
             dim = self._mask(_blotches, acting.dirt, radiance.shape)
             light = light * (1 - DIRT_DIMS * dim) + np.float32(DIRT_SCATTERS * mean) * dim

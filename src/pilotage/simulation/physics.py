@@ -68,6 +68,9 @@ class Simulation:
         self._covers = cover_marks(spec, world, self.faults)
         self.model: Any = _compile(spec, world, self.body)
         self.data: Any = mujoco.MjData(self.model)
+        self._camera_names = [
+            self.model.camera(i).name.removeprefix(PREFIX) for i in range(self.model.ncam)
+        ]
         check_faults(self.faults, body_faults=self.body.faults, cameras=self.camera_names)
         self._mocap = [self._mocap_of(walk) for walk in self._walks]
         mounts = {int(body) for body in self.model.cam_bodyid}
@@ -89,7 +92,7 @@ class Simulation:
     @property
     def camera_names(self) -> list[str]:
         """Return the cameras, those of the robot without its prefix."""
-        return [self.model.camera(i).name.removeprefix(PREFIX) for i in range(self.model.ncam)]
+        return list(self._camera_names)
 
     def advance(self, until_ns: int) -> None:
         """Step until the clock stands at `until_ns` or up to one step (2 ms) after it.
@@ -120,9 +123,9 @@ class Simulation:
 
     def camera_poses(self, name: str, times_ns: Sequence[int]) -> list[Transform]:
         """Return `camera_pose` at several times, as a rolling shutter or a long exposure needs."""
-        if name not in self.camera_names:
-            raise InputError(f"camera {name!r} {unknown(name, self.camera_names)}")
-        camera = self.camera_names.index(name)
+        if name not in self._camera_names:
+            raise InputError(f"camera {name!r} {unknown(name, self._camera_names)}")
+        camera = self._camera_names.index(name)
         mount = int(self.model.cam_bodyid[camera])
         body_from_mujoco = Transform(
             translation_m=self.model.cam_pos[camera], quaternion_wxyz=self.model.cam_quat[camera]

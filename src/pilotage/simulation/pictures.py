@@ -51,31 +51,30 @@ class Pictures:
             self._add_geom(geom)
         self._set_light()
 
-    def radiance(  # noqa: PLR0913, what a view is made of
-        self,
-        name: str,
-        rays: _core.CameraRays,
-        *,
-        first_ns: int,
-        last_ns: int,
-        channels: int = 1,
-        threads: int = 2,
-        built_from_camera: Transform | None = None,
-    ) -> NDArray[np.float32]:
-        """Return (H, W) or (H, W, 3) radiance while the rows were exposed from first to last.
+    def follow(self) -> None:
+        """Move what moves by itself to where it is at the simulation's newest step."""
+        for geom, shape in self._moving:
+            self._scene.set_pose(shape, self._geom_pose(geom))
 
-        `built_from_camera` is where the camera is instead of where it was built in.
-        Things that move by themselves are where they were at the simulation's newest step.
+    def radiance(
+        self,
+        rays: _core.CameraRays,
+        first_row: _core.RowExposure,
+        last_row: _core.RowExposure,
+        *,
+        channels: int = 1,
+        threads: int = 1,
+    ) -> NDArray[np.float32]:
+        """Return (H, W) or (H, W, 3) radiance of a camera that was there while rows were exposed.
+
+        Things that move by themselves are where `follow` put them. Any number of threads may call
+        this at once; how many there are changes nothing.
         """
-        self._move_things()
-        first, last = self._simulation.camera_poses(name, [first_ns, last_ns])
-        if built_from_camera is not None:
-            first, last = first @ built_from_camera, last @ built_from_camera
         seen = _core.render(
             self._scene,
             rays,
-            world_from_camera=first,
-            world_from_camera_last=last,
+            world_from_camera=first_row,
+            world_from_camera_last=last_row,
             channels=channels,
             threads=threads,
             edge_samples=EDGE_SAMPLES,
@@ -84,14 +83,10 @@ class Pictures:
 
     def depth_m(self, name: str, rays: _core.CameraRays, *, at_ns: int) -> NDArray[np.float32]:
         """Return (H, W) depth along the camera's z, metres; 0 where nothing is seen."""
-        self._move_things()
-        pose = self._simulation.camera_pose(name, at_ns)
+        self.follow()
+        pose = _core.RowExposure(self._simulation.camera_pose(name, at_ns))
         seen = _core.render(self._scene, rays, world_from_camera=pose, edge_samples=1)
         return np.asarray(seen["depth_m"])
-
-    def _move_things(self) -> None:
-        for geom, shape in self._moving:
-            self._scene.set_pose(shape, self._geom_pose(geom))
 
     def _add_geom(self, geom: int) -> None:
         model = self._model
