@@ -78,12 +78,12 @@ void set_light(Scene& scene, const std::array<double, 3>& to_sun, float sun, flo
 nb::dict render_view(const Scene& scene, const CameraRays& camera,
                      const RowExposure& world_from_camera,
                      const std::optional<RowExposure>& world_from_camera_last, int channels,
-                     int threads, int edge_samples) {
+                     int threads, int edge_samples, bool with_depth) {
   Radiance seen;
   {
     nb::gil_scoped_release unlocked;
     const ShutterPoses poses{world_from_camera, world_from_camera_last.value_or(world_from_camera)};
-    seen = render(scene, camera, poses, channels, {threads, edge_samples});
+    seen = render(scene, camera, poses, channels, {threads, edge_samples, with_depth});
   }
   const std::vector<std::size_t> size{static_cast<std::size_t>(seen.height),
                                       static_cast<std::size_t>(seen.width)};
@@ -91,6 +91,7 @@ nb::dict render_view(const Scene& scene, const CameraRays& camera,
   if (channels == 3) size_of_values.push_back(3);
   nb::dict result;
   result["radiance"] = nb::cast(move_to_numpy<float>(std::move(seen.values), size_of_values));
+  if (!with_depth) return result;
   result["depth_m"] = nb::cast(move_to_numpy<float>(std::move(seen.depth_m), size));
   result["shape"] = nb::cast(move_to_numpy<std::int32_t>(std::move(seen.shape), size));
   return result;
@@ -195,11 +196,12 @@ void bind_rendering(nb::module_& m) {
            "begin"_a, "middle"_a, "end"_a, "world_from_camera; it moves evenly.");
   m.def("render", &render_view, "scene"_a, "camera"_a, nb::kw_only(), "world_from_camera"_a,
         "world_from_camera_last"_a = nb::none(), "channels"_a = 1, "threads"_a = 1,
-        "edge_samples"_a = 32,
+        "edge_samples"_a = 32, "with_depth"_a = true,
         "Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and "
         "shape (H, W), -1 there. world_from_camera: where the camera is while the first row is "
         "exposed; world_from_camera_last: the last; the same for a global shutter. radiance is the "
-        "mean over the exposure, depth_m and shape are of its middle.");
+        "mean over the exposure, depth_m and shape are of its middle, and left out without "
+        "with_depth.");
   m.def("expose", &expose_light, "light"_a, "sensitivity"_a, nb::kw_only(), "grey"_a,
         "read_noise"_a, "shot_noise2"_a, "seed"_a,
         "Return the uint8 picture of `light` times `sensitivity` (float32 of one shape). grey: "

@@ -141,6 +141,17 @@ BOOST_AUTO_TEST_CASE(a_moving_picture_does_not_depend_on_threads_or_instructions
   BOOST_TEST(one.values == any.values);
 }
 
+BOOST_AUTO_TEST_CASE(without_depth_the_radiance_is_the_same) {
+  const Scene scene = make_scene();
+  const ShutterPoses poses{fast.around(0), fast.around(0)};
+  const Radiance both = render(scene, CameraRays(camera), poses, 1, {1, 16});
+  const Radiance one = render(scene, CameraRays(camera), poses, 1, {1, 16, false});
+  BOOST_TEST(both.values == one.values);
+  BOOST_TEST(both.depth_m.size() == both.values.size());
+  BOOST_TEST(one.depth_m.empty());
+  BOOST_TEST(one.shape.empty());
+}
+
 BOOST_AUTO_TEST_CASE(what_hardly_moves_is_a_still_picture) {
   const Scene scene = make_scene();
   const Motion hardly{{1e-5, 0, 0}, {0, 2e-5, 0}};

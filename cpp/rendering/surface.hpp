@@ -139,24 +139,36 @@ PILOTAGE_INLINE Floats sample(const Exemplar& exemplar, const SurfaceLayer& laye
 /// for each corner of the triangle of a lattice that holds (u, v), blended so that the variance
 /// stays (Heitz and Neyret 2018), each turned or mirrored.
 inline void fill_tile(const Scene& scene, SurfaceTiles::Tile& tile) {
-  constexpr int stride = SurfaceTiles::stride;
+  constexpr int side = SurfaceTiles::side, stride = SurfaceTiles::stride;
   const float texel_m = std::ldexp(1.0f, finest_exponent + tile.key.level);
   Floats within;
   for (int k = 0; k < count; ++k) within[k] = static_cast<float>(k) + 0.5f;
-  const auto first_of = [](int index) { return static_cast<float>(index) * SurfaceTiles::side; };
+  const auto first_of = [](int index) { return static_cast<float>(index) * side; };
+  const float left = first_of(tile.key.x), top = first_of(tile.key.y);
+  const auto values_at = [&](const Floats& x, const Floats& y) {
+    const Floats u = texel_m * x, v = texel_m * y;
+    Floats sum = splat(0);
+    for (const SurfaceLayer& layer : scene.materials()[tile.key.material].layers) {
+      sum += sample(scene.exemplars()[layer.exemplar], layer, texel_m, u, v);
+    }
+    const Floats scaled = max(splat(-32767), min(splat(32767), sum * (1 / tile_unit)));
+    return to_ints(floor(scaled + 0.5f));
+  };
   for (int row = 0; row < stride; ++row) {
-    const Floats v = splat(texel_m * (first_of(tile.key.y) + static_cast<float>(row) + 0.5f));
-    for (int column = 0; column < stride; column += count) {
-      const Floats u = texel_m * (within + (first_of(tile.key.x) + static_cast<float>(column)));
-      Floats sum = splat(0);
-      for (const SurfaceLayer& layer : scene.materials()[tile.key.material].layers) {
-        sum += sample(scene.exemplars()[layer.exemplar], layer, texel_m, u, v);
-      }
-      const Floats scaled = max(splat(-32767), min(splat(32767), sum * (1 / tile_unit)));
-      const Ints values = to_ints(floor(scaled + 0.5f));
-      for (int k = 0; k < std::min(count, stride - column); ++k) {
+    const Floats y = splat(top + static_cast<float>(row) + 0.5f);
+    for (int column = 0; column < side; column += count) {
+      const Ints values = values_at(within + (left + static_cast<float>(column)), y);
+      for (int k = 0; k < count; ++k) {
         tile.values[row * stride + column + k] = static_cast<std::int16_t>(values[k]);
       }
+    }
+  }
+  // The column of the next square, as it alone does not fill groups along the rows.
+  for (int row = 0; row < stride; row += count) {
+    const Ints values =
+        values_at(splat(left + side + 0.5f), within + (top + static_cast<float>(row)));
+    for (int k = 0; k < std::min(count, stride - row); ++k) {
+      tile.values[(row + k) * stride + side] = static_cast<std::int16_t>(values[k]);
     }
   }
 }

@@ -49,6 +49,7 @@ struct RenderOptions {
   int threads = 1;
   /// Samples of a pixel on an edge: 1 or a multiple of 16.
   int edge_samples = 32;
+  bool with_depth = true;  ///< depth and shape as well; they cost as much memory as the radiance
 };
 
 /// Mean radiance that reaches each pixel while it is exposed: row by row, `channels` (1: grey, 3:

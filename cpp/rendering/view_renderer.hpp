@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <memory>
 #include <thread>
 
 #include "rendering/caster.hpp"
@@ -30,9 +31,11 @@ class ViewRenderer {
     result_.channels = channels;
     const std::size_t pixels = static_cast<std::size_t>(result_.width) * result_.height;
     result_.values.resize(pixels * channels);
-    result_.depth_m.resize(pixels);
-    result_.shape.resize(pixels);
-    keys_.resize(pixels);
+    if (options.with_depth) {
+      result_.depth_m.resize(pixels);
+      result_.shape.resize(pixels);
+    }
+    keys_ = std::make_unique_for_overwrite<std::int32_t[]>(pixels);
     tiles_x_ = (result_.width + tile - 1) / tile;
     tiles_y_ = (result_.height + tile - 1) / tile;
     tiles_.resize(static_cast<std::size_t>(tiles_x_) * tiles_y_);
@@ -59,17 +62,18 @@ class ViewRenderer {
   void mark_streaks(int tile_row, SurfaceReader& surfaces);
   void mark_streak(int column, int row);
   void mark(int column, int row);
-  Eigen::Vector2f streak_of(int column, int row) const;
+  Eigen::Vector2f streak_of(int column, int row);
   void mark_entering(int tile_column, int tile_row, SurfaceReader& surfaces);
   void cast_alone(const PixelRays& pixels, Tile& tile, SurfaceReader& surfaces, Seen& seen) const;
-  void keep(const Seen& seen, const PixelRays& rays, int column, int row);
+  void keep(const Seen& seen, int column, int row);
+  void keep_depth(const Seen& seen, const PixelRays& rays, int column, int row);
 
   const Scene& scene_;
   const RenderOptions& options_;
   ExposedRays rays_;
   Caster caster_;
   Radiance result_;
-  std::vector<std::int32_t> keys_;
+  std::unique_ptr<std::int32_t[]> keys_;  ///< every pixel's is written before any is read
   std::vector<Tile> tiles_;
   float moved_px_ = 0;  ///< at most, by any tile
   /// Where edges pass that are elsewhere in the middle of the exposure; empty if none moves so far.
@@ -77,23 +81,25 @@ class ViewRenderer {
   int tiles_x_ = 0, tiles_y_ = 0;
 };
 
-inline void ViewRenderer::keep(const Seen& seen, const PixelRays& rays, int column, int row) {
+inline void ViewRenderer::keep_depth(const Seen& seen, const PixelRays& rays, int column, int row) {
   const Eigen::Vector3f ahead = rays_.ahead(row);
   const Vectors& d = rays.rays.direction;
   const Floats along = d.x * ahead.x() + d.y * ahead.y() + d.z * ahead.z();
-  const Ints is_hit = seen.shape >= 0;
-  const Floats depth = is_hit ? seen.distance * along : splat(0);
+  const Floats depth = seen.shape >= 0 ? seen.distance * along : splat(0);
+  const std::size_t first = static_cast<std::size_t>(row) * result_.width + column;
+  const std::size_t size = 4 * static_cast<std::size_t>(std::min(count, result_.width - column));
+  std::memcpy(&result_.depth_m[first], &depth, size);
+  std::memcpy(&result_.shape[first], &seen.shape, size);
+}
+
+inline void ViewRenderer::keep(const Seen& seen, int column, int row) {
   const std::size_t first = static_cast<std::size_t>(row) * result_.width + column;
   if (column + count <= result_.width && result_.channels == 1) {
-    std::memcpy(&result_.depth_m[first], &depth, sizeof depth);
-    std::memcpy(&result_.shape[first], &seen.shape, sizeof seen.shape);
     std::memcpy(&keys_[first], &seen.key, sizeof seen.key);
     std::memcpy(&result_.values[first], &seen.radiance[0], sizeof seen.radiance[0]);
     return;
   }
   const std::size_t size = 4 * static_cast<std::size_t>(std::min(count, result_.width - column));
-  std::memcpy(&result_.depth_m[first], &depth, size);
-  std::memcpy(&result_.shape[first], &seen.shape, size);
   std::memcpy(&keys_[first], &seen.key, size);
   if (result_.channels == 1) {
     std::memcpy(&result_.values[first], &seen.radiance[0], size);
@@ -118,7 +124,8 @@ inline void ViewRenderer::cast_tile(int tile_column, int tile_row, SurfaceReader
   for (int r = 0; r < rows; ++r) {
     rays[r].moves = here.moved_px > still_px;
     caster_.shade(rays[r], here.shapes, here.shading, surfaces, seen[r]);
-    keep(seen[r], rays[r], column, top + r);
+    keep(seen[r], column, top + r);
+    if (options_.with_depth) keep_depth(seen[r], rays[r], column, top + r);
   }
 }
 
@@ -134,15 +141,15 @@ inline bool ViewRenderer::is_edge(int column, int row) const {
 }
 
 /// How far what a pixel sees moves over the exposure, pixels in x and y.
-inline Eigen::Vector2f ViewRenderer::streak_of(int column, int row) const {
+inline Eigen::Vector2f ViewRenderer::streak_of(int column, int row) {
   PixelRays rays;
+  Seen seen;
   rays_.fill(column, row, rays);
+  caster_.find(rays, tile_at(column / tile, row / tile).shapes, seen);
   const auto first = [](const Vectors& v) { return Eigen::Vector3f(v.x[0], v.y[0], v.z[0]); };
-  const float depth_m = result_.depth_m[static_cast<std::size_t>(row) * result_.width + column];
-  const float along = first(rays.rays.direction).dot(rays_.ahead(row));
-  const float per_m = depth_m > 0 ? along / depth_m : 0;
+  // Where nothing is hit it is infinitely far away: only the turn counts.
   const Eigen::Vector3f way =
-      per_m * first(rays.over_time.origin) + first(rays.over_time.direction);
+      1 / seen.distance[0] * first(rays.over_time.origin) + first(rays.over_time.direction);
   const Eigen::Vector3f per_x = first(rays.per_x), per_y = first(rays.per_y);
   return {way.dot(per_x) / per_x.squaredNorm(), way.dot(per_y) / per_y.squaredNorm()};
 }
@@ -271,7 +278,7 @@ inline Radiance ViewRenderer::run() {
   if (options_.edge_samples > 1) {
     for (const Tile& each : tiles_) moved_px_ = std::max(moved_px_, each.moved_px);
     if (moved_px_ > 1) {
-      is_passed_.resize(keys_.size());
+      is_passed_.resize(static_cast<std::size_t>(result_.width) * result_.height);
       in_parallel(&ViewRenderer::mark_streaks);
     }
     in_parallel(&ViewRenderer::smooth_edges);

@@ -78,6 +78,7 @@ class Pictures:
             channels=channels,
             threads=threads,
             edge_samples=EDGE_SAMPLES,
+            with_depth=False,
         )
         return np.asarray(seen["radiance"])
 
