@@ -106,15 +106,16 @@ void Judge::average(const std::vector<char>& believed, Instant& now) {
     const Sight& sight = now.sights[i];
     const Transform pose = *source.joint_from_own * sight.world_from_robot;
     if (!reference) reference = pose;
-    const Eigen::Vector3d moved_m = sight.world_from_robot.translation - source.anchor.translation;
-    const Matrix6d own = turned(since(sight.covariance, source.anchor_covariance, moved_m),
-                                source.joint_from_own->rotation);
+    const Eigen::Vector3d moved_m =
+        sight.world_from_robot.translation - source.anchor.world_from_robot.translation;
+    const Matrix6d own =
+        turned(since(sight, source.anchor, moved_m), source.joint_from_own->rotation);
     const Matrix6d weight = own.inverse();
     information += weight;
     pull += weight * difference_of(pose, *reference);
-    const Matrix6d known =
-        carried(source.joint_covariance,
-                pose.translation - (*source.joint_from_own * source.anchor.translation));
+    const Matrix6d known = carried(
+        source.joint_covariance,
+        pose.translation - (*source.joint_from_own * source.anchor.world_from_robot.translation));
     if (known.trace() < shared.trace()) shared = known;
   }
   const Matrix6d own = information.inverse();
@@ -128,6 +129,12 @@ void Judge::average(const std::vector<char>& believed, Instant& now) {
   now.joint.covariance = now.path_covariance;
   now.joint.covariance.topLeftCorner<3, 3>() +=
       config_.scale_sigma * config_.scale_sigma * joint.translation * joint.translation.transpose();
+  if (last_ns_) {
+    // The pose is that of a stamp, which may be late.
+    const double elapsed_s = ns * static_cast<double>(now.timestamp_ns - *last_ns_);
+    const Vector6d late = config_.stamp_sigma_s / elapsed_s * difference_of(joint, last_pose_);
+    now.joint.covariance += late * late.transpose();
+  }
   last_pose_ = joint;
   last_covariance_ = now.path_covariance;
   last_ns_ = now.timestamp_ns;
@@ -138,8 +145,7 @@ void Judge::anchor(int pair, const Instant& at) {
   const Sight& sight = at.sights[static_cast<std::size_t>(pair)];
   source.joint_from_own = *at.joint.world_from_robot * sight.world_from_robot.inverse();
   source.anchor_segment = sight.segment;
-  source.anchor = sight.world_from_robot;
-  source.anchor_covariance = sight.covariance;
+  source.anchor = sight;
   source.joint_covariance = at.path_covariance;
 }
 

@@ -81,9 +81,8 @@ std::optional<Judge::Motion> Judge::motion_of(int pair, const Instant& from,
   const Sight& b = to.sights[static_cast<std::size_t>(pair)];
   if (!a.has_pose || !b.has_pose || a.segment != b.segment) return std::nullopt;
   const Eigen::Vector3d moved_m = b.world_from_robot.translation - a.world_from_robot.translation;
-  return Motion{
-      a.world_from_robot.inverse() * b.world_from_robot,
-      turned(since(b.covariance, a.covariance, moved_m), b.world_from_robot.rotation.conjugate())};
+  return Motion{a.world_from_robot.inverse() * b.world_from_robot,
+                turned(since(b, a, moved_m), b.world_from_robot.rotation.conjugate())};
 }
 
 const Judge::Instant* Judge::window_start(std::int64_t timestamp_ns) const {

@@ -103,9 +103,8 @@ class Judge {
     std::optional<Transform> joint_from_own;
     int segment = -1;  ///< that of the last sight
     int anchor_segment = -1;
-    Transform anchor;            ///< own pose then
-    Matrix6d anchor_covariance;  ///< of that pose in the pair's segment
-    Matrix6d joint_covariance;   ///< of the joint pose then
+    Sight anchor;               ///< the pair's own then
+    Matrix6d joint_covariance;  ///< of the joint pose then
   };
   struct Instant {
     std::int64_t timestamp_ns;

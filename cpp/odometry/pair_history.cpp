@@ -79,7 +79,8 @@ Sight PairHistory::at(std::int64_t timestamp_ns) const {
            nearest.y_parallax_px,
            nearest.inliers,
            nearest.world_from_robot.value_or(Transform{}),
-           nearest.segment_covariance};
+           nearest.segment_covariance,
+           nearest.own_covariance};
   if (!nearest.world_from_robot) return sight;
   const double span_s = seconds(a.timestamp_ns, b.timestamp_ns);
   const bool has_motion = a.world_from_robot && b.world_from_robot && a.segment == b.segment &&

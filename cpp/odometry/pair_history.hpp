@@ -17,8 +17,9 @@ struct Sight {
   int segment = 0;
   float m_q = 0;
   int inliers = 0;
-  Transform world_from_robot;              ///< the pair's own world
-  Matrix6d covariance = Matrix6d::Zero();  ///< of the pair's own segment
+  Transform world_from_robot;                  ///< the pair's own world
+  Matrix6d covariance = Matrix6d::Zero();      ///< of the pair's own segment
+  Matrix6d own_covariance = Matrix6d::Zero();  ///< the part that is this pose's alone
 };
 
 /// The newest results of one stereo pair, and its pose at any instant among them.

@@ -40,6 +40,8 @@ struct OdometryResult {
   /// The same given the first pose of the segment, without what the rig's own errors add: they are
   /// the same for all poses, and what two trajectories are compared by.
   Matrix6d segment_covariance = Matrix6d::Zero();
+  /// The part of it that is this pose's alone and not in the next one's.
+  Matrix6d own_covariance = Matrix6d::Zero();
   int segment = 0;  ///< grows when tracking resumed without a tie to what was before
   int matches = 0;
   int inliers = 0;

@@ -11,6 +11,7 @@ RowClock::RowClock(const StereoRig& rig, const Rectifier& rectifier)
     : left_(rig.left),
       stereo_(rectifier.stereo()),
       left_from_rectified_(rectifier.rectified_from_left().conjugate()),
+      readout_s_(rig.readout_s),
       row_s_(rig.readout_s / std::max(1, rig.left.height_px - 1)) {}
 
 double RowClock::time_s(const Eigen::Vector2d& rectified_px) const {

@@ -13,6 +13,7 @@ class RowClock {
  public:
   RowClock(const StereoRig& rig, const Rectifier& rectifier);
 
+  double readout_s() const { return readout_s_; }
   /// Seconds after the middle row.
   double time_s(const Eigen::Vector2d& rectified_px) const;
 
@@ -20,7 +21,7 @@ class RowClock {
   Camera left_;
   RectifiedStereo stereo_;
   Eigen::Matrix3d left_from_rectified_;
-  double row_s_;
+  double readout_s_, row_s_;
 };
 
 /// How the camera moved while a pair's rows were read one after another, and where points would

@@ -147,6 +147,7 @@ OdometryResult StereoOdometry::start(PyramidPair pair) {
   const float unseen_m = previous_.left ? gap_sigma_m(pair.timestamp_ns) : 0;
   if (unseen_m > 0) ++segment_;
   motion_s_ = 0;
+  twist_ = twist_change_ = Vector6d::Zero();
   remember(pair, tracked.step.world_from_left);
   return report(tracked, true, pair.timestamp_ns, unseen_m);
 }
@@ -249,8 +250,13 @@ void StereoOdometry::note_matches(const Tracked& tracked) {
 }
 
 void StereoOdometry::note_motion(const Transform& world_from_left, std::int64_t timestamp_ns) {
+  const bool is_first = motion_s_ == 0;
   motion_s_ = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
   before_from_previous_ = previous_world_from_left_.inverse() * world_from_left;
+  const Vector6d twist = transform_log(before_from_previous_) / motion_s_;
+  // From rest, or nobody knows what, motion changes most.
+  twist_change_ = is_first ? Vector6d(2 * twist) : Vector6d(twist - twist_);
+  twist_ = twist;
 }
 
 void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_from_left) {

@@ -57,6 +57,7 @@ class StereoOdometry {
     float gap_sigma_m = 0;   ///< above 0 where a segment begins: the way that was not seen
     float scale_per_px = 0;  ///< relative error of lengths for a pixel of right x offset
     Eigen::Matrix<float, 6, 6> relative_covariance = Eigen::Matrix<float, 6, 6>::Zero();
+    Eigen::Matrix<float, 6, 6> row_covariance = Eigen::Matrix<float, 6, 6>::Zero();
   };
   struct Tracked {
     std::vector<Match> matches;
@@ -70,6 +71,7 @@ class StereoOdometry {
   Tracked find_pose(PyramidPair& pair);
   Transform predict(const PyramidPair& pair) const;
   RowMotion row_motion(const PyramidPair& pair, const Transform& world_from_left) const;
+  Matrix6d row_covariance(const Transform& world_from_left) const;
   Tracked follow(PyramidPair& pair, const Transform& predicted);
   Tracked follow_patches(PyramidPair& pair, const Transform& world_from_left,
                          const std::vector<int>& landmarks, int coarse_level);
@@ -114,8 +116,10 @@ class StereoOdometry {
   PyramidPair previous_;
   std::vector<DepthPoint> previous_points_;
   Transform previous_world_from_left_;
-  Transform before_from_previous_;  ///< the last motion seen, backwards
-  double motion_s_ = 0;             ///< the time it took; 0: unknown
+  Transform before_from_previous_;            ///< the last motion seen, backwards
+  double motion_s_ = 0;                       ///< the time it took; 0: unknown
+  Vector6d twist_ = Vector6d::Zero();         ///< of that motion, a second
+  Vector6d twist_change_ = Vector6d::Zero();  ///< since the motion before
   std::int64_t previous_timestamp_ns_ = 0;
   int lost_pairs_ = 0;
   int pairs_since_keyframe_ = 0;
