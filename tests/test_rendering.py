@@ -61,13 +61,17 @@ def camera_poses(count: int) -> list[Array]:
     return poses
 
 
-def corner_errors(scene: _core.Scene, camera: Camera, pose: Array) -> Array:
+def corner_errors(
+    scene: _core.Scene, camera: Camera, pose: Array, radiance: NDArray[np.float32] | None = None
+) -> Array:
     """Return (N, 2) found less projected corners, pixels."""
-    seen = _core.render(
-        scene, _core.CameraRays(camera), world_from_camera=Transform.from_matrix(pose)
-    )
+    if radiance is None:
+        seen = _core.render(
+            scene, _core.CameraRays(camera), world_from_camera=Transform.from_matrix(pose)
+        )
+        radiance = seen["radiance"]
     # A lens as sharp as its pixels: without one, steps between pixels are what is measured.
-    sharp = cv2.GaussianBlur(seen["radiance"], (0, 0), 0.7)
+    sharp = cv2.GaussianBlur(radiance, (0, 0), 0.7)
     picture = np.round(np.clip(220 * sharp + 10, 0, 255)).astype(np.uint8)
     corners = SQUARE_M * np.array([[i, j, 0] for i in range(-4, 5) for j in range(-3, 4)])
     projected = camera.project((corners - pose[:3, 3]) @ pose[:3, :3])
@@ -86,6 +90,29 @@ def test_corners_are_where_the_camera_model_projects_them(distortion: str):
     assert len(errors) > 600
     assert np.sqrt(np.mean(errors**2)) <= 0.03
     assert np.abs(errors.mean(axis=0)).max() <= 0.005
+
+
+def test_motion_blur_leaves_corners_where_they_are_in_the_middle_of_the_exposure():
+    scene, camera = make_board(), make_camera("brown")
+    rays, errors = _core.CameraRays(camera), []
+    random = np.random.default_rng(1)
+    for pose in camera_poses(12):
+        # Over the exposure some 2 px by the turn and as much by the way.
+        change = np.eye(4)
+        change[:3, :3] = Rotation.from_rotvec(random.normal(size=3) * 0.003).as_matrix()
+        change[:3, 3] = random.normal(size=3) * 0.001
+        begin, end = pose @ np.linalg.inv(change), pose @ change
+        exposure = _core.RowExposure(
+            begin=Transform.from_matrix(begin),
+            middle=Transform.from_matrix(pose),
+            end=Transform.from_matrix(end),
+        )
+        seen = _core.render(scene, rays, world_from_camera=exposure)
+        errors.append(corner_errors(scene, camera, pose, seen["radiance"]))
+    together = np.concatenate(errors)
+    assert len(together) > 600
+    assert np.abs(np.median(together, axis=0)).max() <= 0.005
+    assert np.abs([e.mean(axis=0) for e in errors]).max() <= 0.02
 
 
 def rough_ground(side: int, texel_m: float) -> _core.Scene:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pilotage.errors import InputError
 from pilotage.simulation import Fault, Motion, Simulation, World, load_world
+from pilotage.simulation.parallel import in_parallel
 from pilotage.simulation.sensor import PRESETS, Sensor, make_sensor, read_sensor
 
 STEADY = Sensor.ideal()
@@ -113,6 +114,32 @@ def shift_px(a: NDArray[np.uint8], b: NDArray[np.uint8], rows: slice) -> float:
     first, second = (np.asarray(p[rows], np.float32) for p in (a, b))
     window = cv2.createHanningWindow(first.shape[::-1], cv2.CV_32F)
     return float(cv2.phaseCorrelate(first, second, window)[0][0])
+
+
+def test_how_many_processors_there_are_changes_no_bit(
+    world: World, monkeypatch: pytest.MonkeyPatch
+):
+    taken = []
+    for count in (1, 2, 5):
+        monkeypatch.setattr("pilotage.simulation.parallel.processors", lambda count=count: count)
+        taken.append(shots(world, sensor=Sensor.realistic(), motion=TURNING, count=4, seed=3))
+    for one, other in (pair for others in taken[1:] for pair in zip(taken[0], others, strict=True)):
+        assert one.stamps_ns == other.stamps_ns
+        assert one.pictures.keys() == other.pictures.keys()
+        for name, picture in one.pictures.items():
+            np.testing.assert_array_equal(picture, other.pictures[name])
+
+
+def test_jobs_come_back_in_order_and_the_first_error_is_raised():
+    def fail(threads: int) -> int:
+        raise ValueError(f"job on {threads}")
+
+    assert in_parallel([lambda threads, k=k: (k, threads >= 1) for k in range(5)]) == [
+        (k, True) for k in range(5)
+    ]
+    assert in_parallel([]) == []
+    with pytest.raises(ValueError, match="job on"):
+        in_parallel([lambda threads: threads, fail, fail])
 
 
 def test_a_rolling_shutter_sees_the_lower_rows_later(world: World):

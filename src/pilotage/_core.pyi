@@ -1526,9 +1526,10 @@ def render(
     channels: int = 1,
     threads: int = 1,
     edge_samples: int = 32,
+    with_depth: bool = True,
 ) -> dict:
     """
-    Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera: where the camera is while the first row is exposed; world_from_camera_last: the last; the same for a global shutter. radiance is the mean over the exposure, depth_m and shape are of its middle.
+    Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera: where the camera is while the first row is exposed; world_from_camera_last: the last; the same for a global shutter. radiance is the mean over the exposure, depth_m and shape are of its middle, and left out without with_depth.
     """
 
 def expose(
