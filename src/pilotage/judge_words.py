@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,10 @@ ARM_M = 1.0
 
 @dataclass(frozen=True)
 class PairState:
-    """What one pair says; `since_ns` is when its `belief` became what it is."""
+    """What one pair says; `since_ns` is when its `belief` became what it is.
+
+    `has_contradicted` tells whether since then it moved otherwise than the others.
+    """
 
     belief: str
     status: str
@@ -33,6 +36,7 @@ class PairState:
     apart_m: float
     turned_rad: float
     chi_square: float
+    has_contradicted: bool = False
 
 
 @dataclass(frozen=True)
@@ -53,15 +57,23 @@ class Story:
         """Return which pairs are believed, by their numbers."""
         return tuple(i for i, pair in enumerate(self.pairs) if pair.belief == "joined")
 
+    @property
+    def is_disputed(self) -> bool:
+        """Tell whether a pair is set aside that moved otherwise than those believed."""
+        return any(pair.belief == "disagrees" and pair.has_contradicted for pair in self.pairs)
 
-def tell(before: Story | None, result: JointResult) -> Story:
+
+def tell(before: Story | None, result: JointResult, config: JudgeConfig) -> Story:
     """Return how things stand after `result`, given how they stood; neither is changed."""
     states = []
     for number, verdict in enumerate(result.pairs):
         earlier = before.pairs[number] if before else None
         is_same = earlier is not None and earlier.belief == verdict.belief.name
         since_ns = earlier.since_ns if earlier and is_same else result.timestamp_ns
-        states.append(_state(verdict, since_ns))
+        state = _state(verdict, since_ns)
+        contradicts = state.belief == "disagrees" and not _agrees(state, config)
+        kept = bool(earlier and is_same and earlier.has_contradicted)
+        states.append(replace(state, has_contradicted=contradicts or kept))
     return Story(result.timestamp_ns, result.status.name, tuple(states))
 
 
@@ -85,7 +97,7 @@ def words_of(history: Iterable[JointResult], names: Sequence[str], config: Judge
     """
     story: Story | None = None
     for result in history:
-        story = tell(story, result)
+        story = tell(story, result, config)
     return "" if story is None else words(story, names, config)
 
 
@@ -107,12 +119,6 @@ def words(story: Story, names: Sequence[str], config: JudgeConfig) -> str:
     return "; ".join([*told, f"using {using}"])
 
 
-def is_disputed(result: JointResult, config: JudgeConfig) -> bool:
-    """Tell whether a pair with a pose is set aside: by the paper's rule only beyond its limit."""
-    aside = [pair for pair in tell(None, result).pairs if pair.belief == "disagrees"]
-    return any(config.rule != "paper" or not _agrees(pair, config) for pair in aside)
-
-
 def _doubt(story: Story, number: int, names: Sequence[str], config: JudgeConfig) -> str:
     """Return why a pair is not believed."""
     pair, name = story.pairs[number], names[number]
@@ -122,11 +128,11 @@ def _doubt(story: Story, number: int, names: Sequence[str], config: JudgeConfig)
     if pair.belief == "lost":
         return f"{name}: {short_words(pair.reason) if pair.reason != 'none' else 'lost'} {for_s}"
     others = _listed([names[other] for other in story.believed])
-    if pair.chi_square == 0:
-        return f"{name}: back, not compared with {others} yet"
+    if not pair.has_contradicted:
+        aside = "not chosen" if config.rule == "paper" else f"watched {for_s}"
+        return f"{name}: agrees with {others}, {aside}"
     if _agrees(pair, config):
-        chosen = "not chosen" if config.rule == "paper" else f"watched {for_s}"
-        return f"{name}: agrees with {others}, {chosen}"
+        return f"{name}: set aside {for_s}, agrees with {others} just now"
     return f"{name} and {others} differ by {_difference(pair)} in {_span(config)}"
 
 
@@ -184,13 +190,16 @@ class Happening:
 def happenings(
     history: Iterable[JointResult], names: Sequence[str], config: JudgeConfig
 ) -> list[Happening]:
-    """Return the stretches in which a pair was not believed, told as they stood at their ends."""
+    """Return the stretches in which a pair was not believed.
+
+    They are told as they stood at their ends, with the largest difference on the way.
+    """
     found: list[Happening] = []
     story: Story | None = None
     start_ns = 0
     key: tuple[tuple[int, str, str], ...] = ()
     for result in history:
-        now = tell(story, result)
+        now = tell(story, result, config)
         now_key = tuple(
             (number, pair.belief, pair.reason)
             for number, pair in enumerate(now.pairs)
@@ -200,6 +209,8 @@ def happenings(
             found.append(_ended(story, start_ns, names, config))
         if story is None or now_key != key:
             start_ns, key = now.timestamp_ns, now_key
+        else:
+            now = replace(now, pairs=tuple(map(_worse, story.pairs, now.pairs)))
         story = now
     return [*found, _ended(story, start_ns, names, config)] if story and key else found
 
@@ -209,6 +220,18 @@ def _ended(story: Story, start_ns: int, names: Sequence[str], config: JudgeConfi
     return Happening(start_ns, story.timestamp_ns, told, story.must_stop)
 
 
+def _worse(before: PairState, now: PairState) -> PairState:
+    """Return `now` with the larger of both differences: of a stretch that one counts."""
+    if before.belief != now.belief or before.chi_square <= now.chi_square:
+        return now
+    return replace(
+        now,
+        apart_m=before.apart_m,
+        turned_rad=before.turned_rad,
+        chi_square=before.chi_square,
+    )
+
+
 def _is_spare(pair: PairState, config: JudgeConfig) -> bool:
     """Tell whether a pair is only not the chosen one, as is always one by the paper's rule."""
-    return config.rule == "paper" and pair.belief == "disagrees" and _agrees(pair, config)
+    return config.rule == "paper" and pair.belief == "disagrees" and not pair.has_contradicted

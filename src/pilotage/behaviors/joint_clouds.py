@@ -9,15 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pilotage.evaluation.poses import inverse
-from pilotage.evaluation.truth import poses_of
+from pilotage.evaluation.several import joint_from_own
 from pilotage.pose_files import PoseRecord
 
 if TYPE_CHECKING:
     from pilotage.behaviors.pair_track import PairTrack
-
-# A pose counts as that of an instant when it is so near.
-SAME_INSTANT_NS = 100_000_000
 
 
 def joint_cloud(
@@ -32,25 +28,10 @@ def joint_cloud(
     """
     points, greys = [np.zeros((0, 3), np.float32)], [np.zeros(0, np.uint8)]
     for track in tracks:
-        placed = _joint_from_own(joint, alone[track.source.name])
+        placed = joint_from_own(joint, alone[track.source.name])
         if placed is None:
             continue
         own = track.odometry.points()
         points.append((own @ placed[:3, :3].T + placed[:3, 3]).astype(np.float32))
         greys.append(track.odometry.point_greys())
     return np.concatenate(points), np.concatenate(greys)
-
-
-def _joint_from_own(
-    joint: Sequence[PoseRecord], own: Sequence[PoseRecord]
-) -> NDArray[np.float64] | None:
-    known = [record for record in joint if record.position_m is not None]
-    times_ns = np.array([record.timestamp_ns for record in known], dtype=np.int64)
-    for record in own:
-        if record.position_m is None or not len(times_ns):
-            continue
-        nearest = int(np.argmin(np.abs(times_ns - record.timestamp_ns)))
-        if abs(int(times_ns[nearest]) - record.timestamp_ns) <= SAME_INSTANT_NS:
-            poses = poses_of([known[nearest], record])
-            return np.asarray(poses[0] @ inverse(poses[1]))
-    return None

@@ -106,6 +106,8 @@ def _describe_judge(choice: Choice, decided: Decided) -> dict[str, Any]:
     return {
         "use": choice.use.value,
         "rule": decided.config.rule,
+        "window_s": decided.config.window_s,
+        "confidence": decided.config.confidence,
         "believed": dict(counts.most_common()),
         "stops": len(stops),
         "stopped_s": sum(stop.end_ns - stop.start_ns for stop in stops) * 1e-9,

@@ -22,7 +22,7 @@ from pilotage.behaviors.summary import Cost, peak_rss_mb, settle
 from pilotage.config import JUDGE, PAIRS
 from pilotage.errors import InputError, RunError
 from pilotage.judge_files import judge_lines, judge_text, levers_m
-from pilotage.judge_words import Story, is_disputed, tell, words
+from pilotage.judge_words import Story, tell, words
 from pilotage.pose_files import PoseRecord
 from pilotage.results import ResultsFolder, pair_folders
 
@@ -95,23 +95,23 @@ class _Run:
     def live(self, on_instant: OnInstant | None) -> None:
         """Track all pairs, and judge them as far as is known at each moment."""
         court = _Court(self._new_judge(), self.config, len(self.tracks))
-        story: Story | None = None
         done = 0
         with closing(run_side_by_side(self.tracks)) as results:
             for tracked in results:
                 name = self.names[tracked.pair]
                 self.folder.append_pair_live(self.folders[name], record_of_tracked(tracked))
                 done += tracked.pair == 0
-                for joint in court.add(tracked):
-                    story = tell(story, joint)
-                    record = court.record(joint)
-                    self.folder.append_live(record)
-                    self.folder.append_judge_live(judge_lines(joint, self.levers))
+                for decision in court.add(tracked):
+                    self._append_live(decision)
                     if on_instant is not None:
-                        on_instant(done, record, words(story, self.names, self.config))
-        for joint in court.finish():
-            self.folder.append_live(court.record(joint))
-            self.folder.append_judge_live(judge_lines(joint, self.levers))
+                        told = words(decision.story, self.names, self.config)
+                        on_instant(done, decision.record, told)
+        for decision in court.finish():
+            self._append_live(decision)
+
+    def _append_live(self, decision: _Decision) -> None:
+        self.folder.append_live(decision.record)
+        self.folder.append_judge_live(judge_lines(decision.joint, self.levers))
 
     def _new_judge(self) -> Judge:
         from pilotage import Judge
@@ -125,15 +125,10 @@ class _Run:
         if interrupt is None:
             adjusted, timings = correct_times(self.tracks, adjusted)
         court = _Court(self._new_judge(), self.config, len(self.tracks))
-        joints: list[JointResult] = []
-        records: list[PoseRecord] = []
-        for tracked in in_order(adjusted):
-            decided = court.add(tracked)
-            joints += decided
-            records += map(court.record, decided)
-        rest = court.finish()
-        joints += rest
-        records += map(court.record, rest)
+        decisions = [one for tracked in in_order(adjusted) for one in court.add(tracked)]
+        decisions += court.finish()
+        joints = [one.joint for one in decisions]
+        records = [one.record for one in decisions]
         alone = {
             name: [record_of_tracked(tracked) for tracked in of_pair]
             for name, of_pair in zip(self.names, adjusted, strict=True)
@@ -200,24 +195,38 @@ def _truth_of(tracks: Iterable[PairTrack]) -> list[PoseRecord]:
     return []
 
 
+@dataclass(frozen=True)
+class _Decision:
+    """What the judge decided of an instant, as written down and as told."""
+
+    joint: JointResult
+    record: PoseRecord
+    story: Story
+
+
 class _Court:
     """The judge, and what else is needed to write down what it decides."""
 
     def __init__(self, judge: Judge, config: JudgeConfig, pairs: int) -> None:
         self._judge = judge
         self._config = config
+        self._story: Story | None = None
         self._seen: list[deque[Tracked]] = [deque(maxlen=REMEMBERED) for _ in range(pairs)]
 
-    def add(self, tracked: Tracked) -> list[JointResult]:
+    def add(self, tracked: Tracked) -> list[_Decision]:
         """Give the judge a pair's result and return what it decides by it."""
         self._seen[tracked.pair].append(tracked)
-        return self._judge.add(tracked.pair, tracked.result)
+        return list(map(self._decision, self._judge.add(tracked.pair, tracked.result)))
 
-    def finish(self) -> list[JointResult]:
+    def finish(self) -> list[_Decision]:
         """Return what was still waiting for other pairs."""
-        return self._judge.finish()
+        return list(map(self._decision, self._judge.finish()))
 
-    def record(self, joint: JointResult) -> PoseRecord:
+    def _decision(self, joint: JointResult) -> _Decision:
+        self._story = tell(self._story, joint, self._config)
+        return _Decision(joint, self._record(joint, self._story), self._story)
+
+    def _record(self, joint: JointResult, story: Story) -> PoseRecord:
         """Return the joint pose as the results folder holds it.
 
         Index and measures are of the pictures that are nearest in time, of those believed.
@@ -227,7 +236,7 @@ class _Court:
         at = min(here, key=lambda item: abs(item[0].result.timestamp_ns - joint.timestamp_ns))[0]
         believed = [tracked.result for tracked, v in here if v.belief.name == "joined"]
         near_bad = bool(here) and all(tracked.bad is not None for tracked, _ in here)
-        status, reason = _status_of(joint, self._config, is_bad=near_bad)
+        status, reason = _status_of(joint, story, is_bad=near_bad)
         pose = joint.world_from_robot
         position, quaternion = (None, None) if pose is None else pose_numbers(pose)
         best = max(believed, key=lambda result: result.inliers, default=None)
@@ -252,7 +261,7 @@ class _Court:
         return min(seen, key=lambda t: abs(t.result.timestamp_ns - timestamp_ns), default=None)
 
 
-def _status_of(joint: JointResult, config: JudgeConfig, *, is_bad: bool) -> tuple[str, str]:
+def _status_of(joint: JointResult, story: Story, *, is_bad: bool) -> tuple[str, str]:
     """Return status and reason of the closed list; the choice itself stands in judge.csv.
 
     `is_bad` tells that no pair's picture could be read.
@@ -263,7 +272,7 @@ def _status_of(joint: JointResult, config: JudgeConfig, *, is_bad: bool) -> tupl
     if status == "lost" and is_bad:
         return "skipped", "frames_missing"
     if status == "degraded":
-        if is_disputed(joint, config):
+        if story.is_disputed:
             return status, "pairs_disagree"
         sound = [v for v in joint.pairs if v.belief.name == "joined"]
         if any(verdict.status.name == "tracking" for verdict in sound):

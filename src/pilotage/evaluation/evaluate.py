@@ -37,14 +37,14 @@ from pilotage.results import (
 class Comparison:
     """A run, the truth at its pairs in the run's own body (N, 4, 4), and the figures.
 
-    `alone` holds those of each stereo pair by itself, where several were joined; None for a pair
+    `alone` holds the same of each stereo pair by itself, where several were joined; None for a pair
     that truth and poses do not tell of.
     """
 
     results: Results
     truth: Array
     metrics: Metrics
-    alone: Mapping[str, Metrics | None] = field(default_factory=dict)
+    alone: Mapping[str, Comparison | None] = field(default_factory=dict)
 
 
 def evaluate_results(
@@ -72,7 +72,9 @@ def evaluate_results(
         **comparison.metrics.to_dict(),
     }
     if alone:
-        report["stereo_pairs"] = {name: m.to_dict() if m else None for name, m in alone.items()}
+        report["stereo_pairs"] = {
+            name: one.metrics.to_dict() if one else None for name, one in alone.items()
+        }
     write_atomically(out / TRUTH, _tum_of(results.records, at_pairs))
     write_json(out / EVALUATION, report)
     return comparison
@@ -107,15 +109,15 @@ def _alone(
     truth: TruthPoses,
     alignment: Alignment,
     lengths_m: tuple[float, ...] | None,
-) -> dict[str, Metrics | None]:
-    """Return the figures of each stereo pair by itself, of a run that joined several."""
-    figures: dict[str, Metrics | None] = {}
+) -> dict[str, Comparison | None]:
+    """Return the comparison of each stereo pair by itself, of a run that joined several."""
+    figures: dict[str, Comparison | None] = {}
     for name, records in read_pair_records(results).items():
         try:
             own = replace(results, records=records)
             figures[name] = compare(
                 own, truth.at(records), alignment=alignment, lengths_m=lengths_m
-            ).metrics
+            )
         except InputError:
             figures[name] = None
     return figures

@@ -87,10 +87,11 @@ def alone_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     Name, pairs with a pose, error at the end, rms and largest distance after alignment.
     """
     rows: list[tuple[str, ...]] = []
-    for name, metrics in (("joined", comparison.metrics), *comparison.alone.items()):
-        if metrics is None:
+    for name, one in (("joined", comparison), *comparison.alone.items()):
+        if one is None:
             rows.append((name, "none to compare", "", "", ""))
             continue
+        metrics = one.metrics
         end = f"{metrics.end_error_percent:.3f} %"
         if not math.isfinite(metrics.end_error_percent):
             end = f"{metrics.end_error_m:.4f} m"
