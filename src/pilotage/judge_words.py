@@ -129,6 +129,8 @@ def _doubt(story: Story, number: int, names: Sequence[str], config: JudgeConfig)
         return f"{name}: {short_words(pair.reason) if pair.reason != 'none' else 'lost'} {for_s}"
     others = _listed([names[other] for other in story.believed])
     if not pair.has_contradicted:
+        if pair.chi_square == 0:
+            return f"{name}: back, not compared with {others} yet"
         aside = "not chosen" if config.rule == "paper" else f"watched {for_s}"
         return f"{name}: agrees with {others}, {aside}"
     if _agrees(pair, config):

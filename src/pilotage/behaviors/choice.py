@@ -9,7 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pilotage.calibration.rig_calibration import load_rigs, looks_down
+from pilotage.calibration.rig_calibration import is_of_pairs, looks_down
 from pilotage.config import UserConfig
 from pilotage.errors import InputError
 from pilotage.recordings.recording import OpenedPairs, Recording, open_pairs, open_recording
@@ -105,7 +105,7 @@ def choose(  # noqa: PLR0913, all by name
 
 def _is_for_one_pair(path: Path, calibration: Path | None, use: Use | None) -> bool:
     """Tell whether the calibration given is that of a single pair: it speaks for no other one."""
-    if calibration is None or load_rigs(calibration) is not None:
+    if calibration is None or is_of_pairs(calibration):
         return False
     if use in {Use.joint, Use.paper}:
         raise InputError(

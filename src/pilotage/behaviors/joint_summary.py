@@ -101,7 +101,7 @@ def _describe_judge(choice: Choice, decided: Decided) -> dict[str, Any]:
     ]
     counts = Counter("+".join(those) for those in believed)
     told = happenings(decided.joints, names, decided.config)
-    stops = [happening for happening in told if happening.must_stop]
+    stopped_s = _stops_s(decided.joints)
     start_ns = decided.joints[0].timestamp_ns if decided.joints else 0
     return {
         "use": choice.use.value,
@@ -109,10 +109,26 @@ def _describe_judge(choice: Choice, decided: Decided) -> dict[str, Any]:
         "window_s": decided.config.window_s,
         "confidence": decided.config.confidence,
         "believed": dict(counts.most_common()),
-        "stops": len(stops),
-        "stopped_s": sum(stop.end_ns - stop.start_ns for stop in stops) * 1e-9,
+        "stops": len(stopped_s),
+        "stopped_s": sum(stopped_s),
         "happenings": [_describe_happening(one, start_ns) for one in told[:LISTED_PAIRS]],
     }
+
+
+def _stops_s(joints: Sequence[JointResult]) -> list[float]:
+    """Return how long each stretch without any pose lasted, up to the next instant with one."""
+    stops: list[float] = []
+    started_ns: int | None = None
+    for joint in joints:
+        if joint.status.name != "lost":
+            if started_ns is not None:
+                stops.append((joint.timestamp_ns - started_ns) * 1e-9)
+            started_ns = None
+        elif started_ns is None:
+            started_ns = joint.timestamp_ns
+    if started_ns is not None:
+        stops.append((joints[-1].timestamp_ns - started_ns) * 1e-9)
+    return stops
 
 
 def _describe_happening(happening: Happening, start_ns: int) -> dict[str, Any]:
@@ -141,8 +157,8 @@ def _warnings(
     if judged["stops"]:
         first = next(told for told in judged["happenings"] if told["stop"])
         warnings.append(
-            f"{judged['stops']} times, {judged['stopped_s']:.1f} s in all, no pair knew where the"
-            f" robot was and it was to stop; first at {first['from_s']:.1f} s: {first['words']}."
+            f"The robot was to stop {_times(judged['stops'])}, for {judged['stopped_s']:.1f} s in"
+            f" all: no pair knew where it was. First at {first['from_s']:.1f} s: {first['words']}."
         )
     warnings += [told for timing in decided.timings if (told := timing.warning()) is not None]
     warnings += warnings_of(summary)
@@ -150,7 +166,11 @@ def _warnings(
     if doubted and judged["rule"] != "paper":
         longest = max(doubted, key=lambda told: float(told["to_s"] - told["from_s"]))
         warnings.append(
-            f"Not every pair was believed all the time ({len(doubted)} times). The longest, from"
+            f"A pair was not believed {_times(len(doubted))}; the longest, from"
             f" {longest['from_s']:.1f} s to {longest['to_s']:.1f} s: {longest['words']}."
         )
     return warnings
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -15,7 +15,7 @@ from pilotage.calibration.kalibr import is_kalibr, read_kalibr
 from pilotage.calibration.kitti import read_kitti
 from pilotage.calibration.opencv_storage import is_opencv, read_opencv
 from pilotage.calibration.own import is_own, read_own, write_own
-from pilotage.calibration.rig_calibration import has_pairs, read_pairs
+from pilotage.calibration.rig_calibration import has_pairs, read_pair
 from pilotage.calibration.ros import is_ros, read_ros
 from pilotage.errors import InputError
 
@@ -69,8 +69,7 @@ def _load(  # noqa: PLR0911, one for each style
     documents = read_documents(file)
     first = documents[0]
     if has_pairs(first):
-        rigs = read_pairs(first)
-        return rigs[pair or next(iter(rigs))]
+        return read_pair(first, pair)
     if is_own(first):
         return read_own(first)
     if is_kalibr(first):

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -40,11 +40,7 @@ class RigCalibration(Mapping[str, StereoRig]):
 
     def __getitem__(self, name: str) -> StereoRig:
         if name not in self.rigs:
-            near = get_close_matches(name, self.rigs, 1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise InputError(
-                f"{self.source}: has no pair {name!r}; there are: {', '.join(self.rigs)}{hint}"
-            )
+            raise missing_pair(self.source, name, self.rigs)
         return self.rigs[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -85,23 +81,61 @@ def has_pairs(section: Section) -> bool:
     return PAIRS in section
 
 
+def read_pair(section: Section, name: str | None) -> StereoRig:
+    """Return one rig of a file of several pairs, by default the first; the others may be broken.
+
+    InputError names what is wrong, or the pair that is missing.
+    """
+    named = _named(section)
+    names = [str(key) for key in named.values]
+    if name is not None and name not in names:
+        raise missing_pair(str(section.file), name, names)
+    return read_own(named.section(name or names[0]))
+
+
 def read_pairs(section: Section) -> RigCalibration:
-    """Return the rigs of a file of several pairs; InputError names pair, key and value."""
+    """Return the rigs of a file of several pairs; InputError names pair and fault."""
+    rigs: dict[str, StereoRig] = {}
+    for name in map(str, _named(section).values):
+        try:
+            rigs[name] = read_pair(section, name)
+        except InputError as error:
+            raise InputError(f"pair {name}: {error}") from None
+    return RigCalibration(rigs, str(section.file))
+
+
+def _named(section: Section) -> Section:
     section.refuse_unknown([PAIRS])
     named = section.section(PAIRS)
     if not named.values:
         raise section.fault(PAIRS, "names no pair; add one, or remove the file")
-    rigs = {str(name): read_own(named.section(name)) for name in named.values}
-    return RigCalibration(rigs, str(section.file))
+    return named
+
+
+def missing_pair(source: str, name: str, names: Iterable[str]) -> InputError:
+    """Return the error that names a missing pair, those there are, and the nearest."""
+    known = list(names)
+    near = get_close_matches(name, known, 1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return InputError(f"{source}: has no pair {name!r}; there are: {', '.join(known)}{hint}")
 
 
 def load_rigs(path: str | Path) -> RigCalibration | None:
     """Return the rigs of a file of several pairs by name; None where it is of one rig."""
-    file = Path(path)
+    first = _first_document(Path(path))
+    return read_pairs(first) if first is not None and has_pairs(first) else None
+
+
+def is_of_pairs(path: str | Path) -> bool:
+    """Tell whether a calibration file is of several pairs, sound or not."""
+    first = _first_document(Path(path))
+    return first is not None and has_pairs(first)
+
+
+def _first_document(file: Path) -> Section | None:
     if not file.is_file() or file.suffix.lower() == ".txt":
         return None
-    first = read_documents(file)[0]
-    return read_pairs(first) if has_pairs(first) else None
+    return read_documents(file)[0]
 
 
 def save_rigs(rigs: Mapping[str, StereoRig], path: str | Path) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pilotage.evaluation.poses import Array, inverse, rotation_vectors
 
 PIECE_S = 10.0
+FEWEST_PIECES = 3
 WIDEST_S = 1.0  # an offset is looked for so far
 STEPS_A_PERIOD = 8
 # A step of more periods than this is a gap.
@@ -76,7 +77,10 @@ def check_clocks(first: Track, second: Track) -> ClockCheck | None:
     end_s = min(a.times_s[-1], b.times_s[-1])
     if end_s - begin_s < LEAST_INSTANTS * period_s:
         return None
-    pieces = max(1, round((end_s - begin_s) / PIECE_S))
+    duration_s = end_s - begin_s
+    # Of a short recording as many as can be, for one alone tells of no drift.
+    few = min(FEWEST_PIECES, int(duration_s / ((LEAST_INSTANTS + 2) * period_s)))
+    pieces = max(1, few, round(duration_s / PIECE_S))
     edges = np.linspace(begin_s, end_s, pieces + 1)
     found = [
         (0.5 * (low + high), *shift)
@@ -85,7 +89,7 @@ def check_clocks(first: Track, second: Track) -> ClockCheck | None:
     ]
     if not found:
         return None
-    return _line(np.array(found), end_s - begin_s, 0.5 * period_s)
+    return _line(np.array(found), duration_s, 0.5 * period_s)
 
 
 @dataclass(frozen=True)

@@ -173,7 +173,7 @@ def draw_pair_errors(comparison: Comparison) -> str:
         for name, one in told.items()
         if one is not None
     }
-    unit, scale = unit_of(np.concatenate(list(errors.values())))
+    unit, scale = unit_of(errors["joined"])
     for number, (name, one) in enumerate(told.items()):
         if one is None:
             continue
@@ -186,7 +186,9 @@ def draw_pair_errors(comparison: Comparison) -> str:
     axes.set(
         xlabel="distance travelled [m]", ylabel=f"error [{unit}]", title="Joined, and each alone"
     )
-    axes.set_ylim(bottom=0)
+    # Whoever went astray would flatten the others: it leaves the figure.
+    largest = sorted(float(np.nanmax(values)) for values in errors.values())
+    axes.set_ylim(0, 1.05 * scale * min(largest[-1], CUT_OFF * largest[0]))
     axes.legend(ncol=3)
     return svg_of(figure)
 

@@ -129,7 +129,8 @@ def _head(results: Results) -> str:
 def _verdict(summary: dict[str, Any]) -> str:
     failure = failure_words(summary)
     is_bad = failure is not None or summary["calibration_check"]["verdict"] == "inconsistent"
-    said = [tracking_words(summary), calibration_words(summary["calibration_check"])]
+    check = summary["calibration_check"]
+    said = [tracking_words(summary), check.get("message") or calibration_words(check)]
     if failure is not None:
         said.insert(0, failure[0].upper() + failure[1:])
     paragraphs = "".join(f"<p>{escape(sentence)}</p>" for sentence in said)
