@@ -18,13 +18,10 @@ from pilotage.behaviors.choice import Choice, choose
 from pilotage.behaviors.localize_joint import localize_joint
 from pilotage.cli.main import app
 from pilotage.config import UserConfig
-from pilotage.errors import InputError
 from pilotage.evaluation.report import draw_report
 from pilotage.judge_files import read_judge_table
 from pilotage.pose_files import PoseRecord, read_pose_table
 from pilotage.results import FILES, JUDGE_FILES, REPORT, read_results
-
-DRIVE = ["--path", "closed-3m", "--width", "160", "--rate-hz", "5", "--seed", "3"]
 
 
 def call(*arguments: object) -> Any:
@@ -35,45 +32,31 @@ def said(done: Any) -> str:
     return " ".join(done.output.split())
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("joint") / "yard"
-    done = call("simulate", "yard", "-o", out, "--ground", "grass", *DRIVE)
-    assert done.exit_code == 0, done.output
-    return out
-
-
-@pytest.fixture(scope="module")
-def joined(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The results of both pairs, evaluated, with a report."""
-    out = tmp_path_factory.mktemp("joined") / "out"
-    done = call("localize", recorded, "-o", out)
-    assert done.exit_code == 0, done.output
-    return out
-
-
 def summary_of(out: Path) -> dict[str, Any]:
     return dict(json.loads((out / "summary.json").read_text()))
 
 
-def test_all_pairs_are_joined_by_default(joined: Path):
-    summary = summary_of(joined)
+def test_all_pairs_are_joined_by_default(joined_pairs: Path):
+    summary = summary_of(joined_pairs)
     assert [pair["name"] for pair in summary["stereo_pairs"]] == ["front", "down"]
     assert [pair["looks"] for pair in summary["stereo_pairs"]] == ["ahead", "down"]
     assert summary["judge"]["use"] == "joint"
     assert summary["judge"]["rule"] == "chi_square"
     assert summary["judge"]["stops"] == 0
     assert summary["tracked"] + summary["degraded"] == summary["pairs"] > 40
-    assert {file.name for file in joined.iterdir()} == {*FILES, *JUDGE_FILES, "pairs"}
+    assert {file.name for file in joined_pairs.iterdir()} == {*FILES, *JUDGE_FILES, "pairs"}
     for name in ("front", "down"):
-        files = {file.name for file in (joined / "pairs" / name).iterdir()}
+        files = {file.name for file in (joined_pairs / "pairs" / name).iterdir()}
         assert {"poses.csv", "poses_live.csv", "trajectory_tum.txt", "calibration.yaml"} <= files
-        assert len(read_pose_table(joined / "pairs" / name / "poses.csv")) >= summary["pairs"] - 2
+        assert (
+            len(read_pose_table(joined_pairs / "pairs" / name / "poses.csv"))
+            >= summary["pairs"] - 2
+        )
 
 
-def test_the_judges_table_shows_each_pair_at_each_instant(joined: Path):
-    rows = read_judge_table(joined / "judge.csv")
-    assert len(rows) == 2 * summary_of(joined)["pairs"]
+def test_the_judges_table_shows_each_pair_at_each_instant(joined_pairs: Path):
+    rows = read_judge_table(joined_pairs / "judge.csv")
+    assert len(rows) == 2 * summary_of(joined_pairs)["pairs"]
     front, down = rows[0::2], rows[1::2]
     assert {row.pair for row in front} == {"front"}
     assert all(row.lever_m == (0, 0, 0) for row in front)
@@ -85,11 +68,11 @@ def test_the_judges_table_shows_each_pair_at_each_instant(joined: Path):
         assert (row.pair in row.believed) == (row.belief == "joined")
 
 
-def test_evaluate_prints_each_pair_beside_the_joint(joined: Path):
-    done = call("evaluate", joined, "--no-report")
+def test_evaluate_prints_each_pair_beside_the_joint(joined_pairs: Path):
+    done = call("evaluate", joined_pairs, "--no-report")
     assert done.exit_code == 0, done.output
     assert "joined, and each stereo pair alone" in said(done)
-    evaluation = json.loads((joined / "evaluation.json").read_text())
+    evaluation = json.loads((joined_pairs / "evaluation.json").read_text())
     alone = evaluation["stereo_pairs"]
     assert set(alone) == {"front", "down"}
     ends = [alone[name]["end_error_percent"] for name in alone]
@@ -97,52 +80,57 @@ def test_evaluate_prints_each_pair_beside_the_joint(joined: Path):
     assert evaluation["truth_length_m"] == pytest.approx(3.08, abs=0.1)
 
 
-def test_the_report_shows_all_pairs(joined: Path):
-    page = (joined / REPORT).read_text()
+def test_the_report_shows_all_pairs(joined_pairs: Path):
+    page = (joined_pairs / REPORT).read_text()
     for words in ("Which camera is believed", "What joining gave", "left cameras saw"):
         assert words in page
     assert page.count("<svg") == 7 + 1 + 3
 
 
-def test_results_do_not_depend_on_the_threads(recorded: Path, joined: Path, tmp_path: Path):
+def test_results_do_not_depend_on_the_threads(yard_pairs: Path, joined_pairs: Path, tmp_path: Path):
     out = tmp_path / "again"
-    assert call("localize", recorded, "-o", out, "--no-report").exit_code == 0
+    assert call("localize", yard_pairs, "-o", out, "--no-report").exit_code == 0
     names = ["poses.csv", "poses_live.csv", "judge.csv", "judge_live.csv", "points.ply"]
     for name in [*names, "pairs/front/poses.csv", "pairs/down/poses_live.csv"]:
-        assert (out / name).read_bytes() == (joined / name).read_bytes(), name
+        assert (out / name).read_bytes() == (joined_pairs / name).read_bytes(), name
 
 
 def test_config_and_calibration_of_a_run_can_be_given_to_the_next(
-    recorded: Path, joined: Path, tmp_path: Path
+    yard_pairs: Path, joined_pairs: Path, tmp_path: Path
 ):
     out = tmp_path / "out"
-    given = ["--config", joined / "config.yaml", "--calibration", joined / "calibration.yaml"]
-    done = call("localize", recorded, "-o", out, "--no-report", *given)
+    given = [
+        "--config",
+        joined_pairs / "config.yaml",
+        "--calibration",
+        joined_pairs / "calibration.yaml",
+    ]
+    done = call("localize", yard_pairs, "-o", out, "--no-report", *given)
     assert done.exit_code == 0, done.output
     for name in ("judge.csv", "config.yaml", "calibration.yaml"):
-        assert (out / name).read_bytes() == (joined / name).read_bytes()
+        assert (out / name).read_bytes() == (joined_pairs / name).read_bytes()
 
 
-def test_one_pair_is_tracked_as_it_looks(recorded: Path, tmp_path: Path):
+def test_one_pair_is_tracked_as_it_looks(yard_pairs: Path, tmp_path: Path):
     for use, front_end in (("forward", "patch"), ("down", "grid")):
         out = tmp_path / use
-        assert call("localize", recorded, "--use", use, "-o", out, "--no-report").exit_code == 0
+        assert call("localize", yard_pairs, "--use", use, "-o", out, "--no-report").exit_code == 0
         assert yaml.safe_load((out / "config.yaml").read_text())["front_end"] == front_end
         assert not (out / "pairs").exists()
         assert "judge" not in summary_of(out)
 
 
-def test_the_papers_choice(recorded: Path, tmp_path: Path):
+def test_the_papers_choice(yard_pairs: Path, tmp_path: Path):
     out = tmp_path / "out"
-    assert call("localize", recorded, "--use", "paper", "-o", out, "--no-report").exit_code == 0
+    assert call("localize", yard_pairs, "--use", "paper", "-o", out, "--no-report").exit_code == 0
     rows = read_judge_table(out / "judge.csv")
     assert all(len(row.believed) == 1 for row in rows)
     assert summary_of(out)["judge"]["rule"] == "paper"
 
 
-def test_any_number_of_pairs(recorded: Path, tmp_path: Path):
+def test_any_number_of_pairs(yard_pairs: Path, tmp_path: Path):
     names = [("front", "front"), ("down", "down"), ("down", "below")]
-    file = rewritten(recorded, tmp_path / "three.mcap", names=names)
+    file = rewritten(yard_pairs, tmp_path / "three.mcap", names=names)
     out = tmp_path / "out"
     done = call("localize", file, "-o", out, "--end", "12")
     assert done.exit_code == 0, done.output
@@ -154,76 +142,10 @@ def test_any_number_of_pairs(recorded: Path, tmp_path: Path):
     assert (out / REPORT).exists()
 
 
-@pytest.mark.parametrize(
-    ("dropped", "why"),
-    [
-        (["/down_left/camera_info"], "has no /down_left/camera_info"),
-        (["/down_right/image"], "holds no picture of /down_right"),
-        (["/down_left/image", "/down_right/image"], "no picture of /down_left and /down_right"),
-    ],
-)
-def test_a_pair_that_cannot_be_used_is_left_out(
-    recorded: Path, tmp_path: Path, dropped: list[str], why: str
+def test_clocks_that_differ_are_found_and_corrected(
+    yard_pairs: Path, joined_pairs: Path, tmp_path: Path
 ):
-    file = rewritten(recorded, tmp_path / "spoilt.mcap", dropped=dropped)
-    done = call("localize", file, "-o", tmp_path / "out", "--no-report", "--end", "8")
-    assert done.exit_code == 0, done.output
-    assert "The stereo pair down is left out" in said(done)
-    assert why in said(done)
-    assert "Going on with front" in said(done)
-    assert any("left out" in warning for warning in summary_of(tmp_path / "out")["warnings"])
-
-
-@pytest.mark.parametrize(
-    ("change", "why"),
-    [
-        ({"right_from_left": {"translation_m": [0.058, 0, 0]}}, "lies left of the left one"),
-        (
-            {"right_from_left": {"quaternion_wxyz": [0.7071068, 0, 0.7071068, 0]}},
-            "only side-by-side pairs",
-        ),
-        (
-            {
-                "right_from_left": {
-                    "translation_m": [-0.0100716, 0, 0.0571188],
-                    "quaternion_wxyz": [0.7660444, 0, 0.6427876, 0],
-                }
-            },
-            "share less than",
-        ),
-        ({"left": {"width_px": 200}, "right": {"width_px": 200}}, "the calibration is for 200x120"),
-        (None, "has no pair 'down'"),
-    ],
-)
-def test_a_pair_whose_calibration_cannot_be_is_left_out(
-    recorded: Path, joined: Path, tmp_path: Path, change: dict[str, Any] | None, why: str
-):
-    document = yaml.safe_load((joined / "calibration.yaml").read_text())
-    if change is None:
-        del document["pairs"]["down"]
-    for key, values in (change or {}).items():
-        document["pairs"]["down"][key] |= values
-    given = tmp_path / "rigs.yaml"
-    given.write_text(yaml.safe_dump(document))
-    out = tmp_path / "out"
-    done = call(
-        "localize", recorded, "--calibration", given, "-o", out, "--no-report", "--end", "8"
-    )
-    assert done.exit_code == 0, done.output
-    assert "The stereo pair down is left out" in said(done)
-    assert why in said(done)
-
-
-def test_without_a_sound_pair_nothing_is_done(recorded: Path, tmp_path: Path):
-    file = rewritten(recorded, tmp_path / "none.mcap", dropped=["_left/camera_info"])
-    done = call("localize", file, "-o", tmp_path / "out")
-    assert done.exit_code == 2
-    assert "no pair can be used: front:" in said(done)
-    assert "has no /down_left/camera_info" in said(done)
-
-
-def test_clocks_that_differ_are_found_and_corrected(recorded: Path, joined: Path, tmp_path: Path):
-    file = rewritten(recorded, tmp_path / "late.mcap", shift_ns={"down": 160_000_000})
+    file = rewritten(yard_pairs, tmp_path / "late.mcap", shift_ns={"down": 160_000_000})
     out = tmp_path / "out"
     done = call("localize", file, "-o", out, "--no-report")
     assert done.exit_code == 0, done.output
@@ -232,12 +154,12 @@ def test_clocks_that_differ_are_found_and_corrected(recorded: Path, joined: Path
     assert clock["corrected_ms"] == clock["late_ms"]
     assert "of down are" in said(done)
     assert "late against front's, steadily. They were corrected" in said(done)
-    before, after = (summary_of(of)["judge"]["believed"] for of in (joined, out))
+    before, after = (summary_of(of)["judge"]["believed"] for of in (joined_pairs, out))
     assert after.get("front+down", 0) > 0.6 * before["front+down"]
 
 
-def test_clocks_that_drift_apart_are_told(recorded: Path, tmp_path: Path):
-    file = rewritten(recorded, tmp_path / "drift.mcap", drift={"down": 0.05})
+def test_clocks_that_drift_apart_are_told(yard_pairs: Path, tmp_path: Path):
+    file = rewritten(yard_pairs, tmp_path / "drift.mcap", drift={"down": 0.05})
     done = call("localize", file, "-o", tmp_path / "out", "--no-report")
     assert done.exit_code == 0, done.output
     (clock,) = summary_of(tmp_path / "out")["clocks"]
@@ -245,8 +167,8 @@ def test_clocks_that_drift_apart_are_told(recorded: Path, tmp_path: Path):
     assert "ms a minute" in said(done)
 
 
-def chosen(recorded: Path) -> Choice:
-    return choose(recorded, config=UserConfig())
+def chosen(yard_pairs: Path) -> Choice:
+    return choose(yard_pairs, config=UserConfig())
 
 
 class Breaking:
@@ -268,8 +190,8 @@ class Breaking:
             yield frame
 
 
-def test_a_fault_of_one_pair_ends_that_pair_alone(recorded: Path, tmp_path: Path):
-    choice = chosen(recorded)
+def test_a_fault_of_one_pair_ends_that_pair_alone(yard_pairs: Path, tmp_path: Path):
+    choice = chosen(yard_pairs)
     object.__setattr__(choice.sources[1], "recording", Breaking(choice.sources[1].recording))
     summary = localize_joint(choice=choice, judge=UserConfig().judge(), out=tmp_path / "out")
     assert summary["state"] == "finished"
@@ -280,8 +202,8 @@ def test_a_fault_of_one_pair_ends_that_pair_alone(recorded: Path, tmp_path: Path
     assert (last.pair, last.belief, last.believed) == ("down", "absent", ("front",))
 
 
-def test_an_error_of_all_goes_on_with_everything_written(recorded: Path, tmp_path: Path):
-    choice = chosen(recorded)
+def test_an_error_of_all_goes_on_with_everything_written(yard_pairs: Path, tmp_path: Path):
+    choice = chosen(yard_pairs)
     for source in choice.sources:
         object.__setattr__(source, "recording", Breaking(source.recording))
     with pytest.raises(OSError, match="disk is gone"):
@@ -290,23 +212,23 @@ def test_an_error_of_all_goes_on_with_everything_written(recorded: Path, tmp_pat
     assert len(read_pose_table(tmp_path / "out" / "poses.csv")) == 20
 
 
-def test_an_interrupt_keeps_what_was_computed(recorded: Path, tmp_path: Path):
+def test_an_interrupt_keeps_what_was_computed(yard_pairs: Path, tmp_path: Path):
     def stop(done: int, record: PoseRecord, words: str) -> None:
         assert "using" in words
         if done >= 15:
             raise KeyboardInterrupt
 
     summary = localize_joint(
-        choice=chosen(recorded), judge=UserConfig().judge(), out=tmp_path / "out", on_instant=stop
+        choice=chosen(yard_pairs), judge=UserConfig().judge(), out=tmp_path / "out", on_instant=stop
     )
     assert summary["state"] == "interrupted"
     assert 14 <= summary["pairs"] < 40
     assert len(read_results(tmp_path / "out").records) == summary["pairs"]
 
 
-def test_a_killed_run_can_be_drawn(recorded: Path, tmp_path: Path):
+def test_a_killed_run_can_be_drawn(yard_pairs: Path, tmp_path: Path):
     out = tmp_path / "out"
-    assert call("localize", recorded, "-o", out, "--no-report", "--end", "20").exit_code == 0
+    assert call("localize", yard_pairs, "-o", out, "--no-report", "--end", "20").exit_code == 0
     for name in ("poses.csv", "judge.csv", "pairs/front/poses.csv", "pairs/down/poses.csv"):
         (out / name).unlink()
     (out / "summary.json").write_text('{"program": "pilotage", "state": "running"}')
@@ -314,40 +236,11 @@ def test_a_killed_run_can_be_drawn(recorded: Path, tmp_path: Path):
     assert "Which camera is believed" in (out / REPORT).read_text()
 
 
-def test_an_earlier_run_of_several_is_replaced(recorded: Path, tmp_path: Path):
+def test_an_earlier_run_of_several_is_replaced(yard_pairs: Path, tmp_path: Path):
     out = tmp_path / "out"
     few = ["--no-report", "--end", "4", "--overwrite"]
-    assert call("localize", recorded, "-o", out, *few).exit_code == 0
+    assert call("localize", yard_pairs, "-o", out, *few).exit_code == 0
     (out / "pairs" / "front" / "notes.txt").write_text("mine")
-    assert call("localize", recorded, "--pair", "front", "-o", out, *few).exit_code == 0
+    assert call("localize", yard_pairs, "--pair", "front", "-o", out, *few).exit_code == 0
     assert not (out / "judge.csv").exists()
     assert [file.name for file in (out / "pairs").rglob("*.*")] == ["notes.txt"]
-
-
-def test_calls_that_cannot_be(recorded: Path, joined: Path, tmp_path: Path):
-    one = joined / "pairs" / "front" / "calibration.yaml"
-    for arguments, why in (
-        (["--pair", "front", "--use", "down"], "give one of them"),
-        (["--use", "joint", "--calibration", one], "is of one stereo pair"),
-        (["--set", "pairs.dwon.points=200"], "did you mean down?"),
-    ):
-        done = call("localize", recorded, "-o", tmp_path / "out", *arguments)
-        assert done.exit_code == 2, done.output
-        assert why in said(done)
-    alone = rewritten(recorded, tmp_path / "one.mcap", names=[("front", "front")])
-    for use, why in (("joint", "holds one stereo pair"), ("paper", "holds one stereo pair")):
-        done = call("localize", alone, "-o", tmp_path / "out", "--use", use)
-        assert done.exit_code == 2
-        assert why in said(done)
-    with pytest.raises(InputError, match="no stereo pair 'up'"):
-        choose(recorded, config=UserConfig(), pair="up")
-
-
-def test_the_calibration_of_one_pair_is_for_the_one_that_looks_ahead(
-    recorded: Path, joined: Path, tmp_path: Path
-):
-    given = joined / "pairs" / "front" / "calibration.yaml"
-    out = tmp_path / "out"
-    done = call("localize", recorded, "--calibration", given, "-o", out, "--no-report", "--end", 5)
-    assert done.exit_code == 0, done.output
-    assert "judge" not in summary_of(out)
