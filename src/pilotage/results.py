@@ -71,13 +71,18 @@ class ResultsFolder:
         self._check_free()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot use {self.path} for results: {error.strerror}") from error
+        # Marks the folder as ours from the first moment on, and as unfinished should we be killed:
+        # also while what an earlier run left is removed.
+        self.write_summary({"state": "running"})
+        try:
             for name in (*FILES, *JUDGE_FILES):
-                (self.path / name).unlink(missing_ok=True)
+                if name != SUMMARY:
+                    (self.path / name).unlink(missing_ok=True)
             _clear_pairs(self.path / PAIRS)
         except OSError as error:
             raise InputError(f"cannot use {self.path} for results: {error.strerror}") from error
-        # Marks the folder as ours from the first moment on, and as unfinished should we be killed.
-        self.write_summary({"state": "running"})
         for name in (POSES_LIVE, TUM_LIVE):
             self._live[name] = LineFile(self.path / name)
         self._live[POSES_LIVE].append(csv_header())

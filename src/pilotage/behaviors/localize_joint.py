@@ -124,6 +124,8 @@ class _Run:
         timings: list[Timing] = []
         if interrupt is None:
             adjusted, timings = correct_times(self.tracks, adjusted)
+        else:
+            adjusted = _up_to_common_end(adjusted)
         court = _Court(self._new_judge(), self.config, len(self.tracks))
         decisions = [one for tracked in in_order(adjusted) for one in court.add(tracked)]
         decisions += court.finish()
@@ -181,6 +183,21 @@ def record_of_tracked(tracked: Tracked) -> PoseRecord:
     """Return what one pair says, as the results folder holds it."""
     bad = [] if tracked.bad is None else [tracked.bad]
     return settle([record_of(tracked.index, tracked.result)], bad)[0]
+
+
+def _up_to_common_end(results: Sequence[Sequence[Tracked]]) -> list[list[Tracked]]:
+    """Return what lies before the earliest end: an interrupt finds some pairs further than others.
+
+    Without this a pair would look lost that was only behind.
+    """
+    ends_ns = [of_pair[-1].result.timestamp_ns for of_pair in results if of_pair]
+    end_ns = min(ends_ns, default=0)
+    kept = [[t for t in of_pair if t.result.timestamp_ns <= end_ns] for of_pair in results]
+    # Shutters need not coincide: the first one at or after the end still tells of it.
+    return [
+        [*inside, *of_pair[len(inside) : len(inside) + 1]]
+        for inside, of_pair in zip(kept, results, strict=True)
+    ]
 
 
 def _truth_of(tracks: Iterable[PairTrack]) -> list[PoseRecord]:
