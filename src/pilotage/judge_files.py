@@ -71,15 +71,18 @@ def levers_m(rigs: Mapping[str, StereoRig]) -> dict[str, tuple[float, ...]]:
     }
 
 
-def judge_lines(result: JointResult, levers: Mapping[str, tuple[float, ...]]) -> str:
-    """Return the lines of an instant; the keys of `levers` name the pairs in order."""
+def judge_lines(result: JointResult, status: str, levers: Mapping[str, tuple[float, ...]]) -> str:
+    """Return the lines of an instant; the keys of `levers` name the pairs in order.
+
+    `status` is that of the joint pose, as poses.csv has it.
+    """
     names = list(levers)
     verdicts = list(zip(names, result.pairs, strict=True))
     believed = BETWEEN_NAMES.join(name for name, v in verdicts if v.belief.name == "joined")
     lines = []
     for name, verdict in verdicts:
         compared = verdict.chi_square > 0
-        cells = [str(result.timestamp_ns), result.status.name, str(result.segment), believed]
+        cells = [str(result.timestamp_ns), status, str(result.segment), believed]
         cells += [name, verdict.belief.name, verdict.reason.name]
         m_q_px = verdict.m_q if verdict.m_q > 0 else math.nan
         difference = verdict.difference.tolist() if compared else [math.nan] * 6
@@ -132,6 +135,11 @@ def _number(cell: str) -> float:
     return float(cell or "nan")
 
 
-def judge_text(results: Iterable[JointResult], levers: Mapping[str, tuple[float, ...]]) -> str:
+def judge_text(
+    results: Iterable[JointResult],
+    statuses: Iterable[str],
+    levers: Mapping[str, tuple[float, ...]],
+) -> str:
     """Return the whole content of judge.csv."""
-    return judge_header() + "".join(judge_lines(result, levers) for result in results)
+    instants = zip(results, statuses, strict=True)
+    return judge_header() + "".join(judge_lines(result, said, levers) for result, said in instants)

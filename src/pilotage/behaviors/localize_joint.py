@@ -111,7 +111,9 @@ class _Run:
 
     def _append_live(self, decision: _Decision) -> None:
         self.folder.append_live(decision.record)
-        self.folder.append_judge_live(judge_lines(decision.joint, self.levers))
+        self.folder.append_judge_live(
+            judge_lines(decision.joint, decision.record.status, self.levers)
+        )
 
     def _new_judge(self) -> Judge:
         from pilotage import Judge
@@ -157,7 +159,9 @@ class _Run:
         """Write all that can be written, and only then complain of the first fault."""
         writes: list[Callable[[], None]] = [
             lambda: self.folder.write_trajectory(records),
-            lambda: self.folder.write_judge(judge_text(joints, self.levers)),
+            lambda: self.folder.write_judge(
+                judge_text(joints, [record.status for record in records], self.levers)
+            ),
         ]
         writes += [
             partial(self.folder.write_trajectory, of_pair, self.folders[name])

@@ -45,8 +45,9 @@ BELIEF_WORDS = {
     "lost": "lost",
     "absent": "no pictures",
 }
-STATUS_COLOURS = {"tracking": BLUE, "degraded": ORANGE, "lost": BLACK}
-STATUS_WORDS = {"tracking": "sure", "degraded": "uncertain", "lost": "stop"}
+NOT_CHOSEN = "#A9D8C6"
+STATUS_COLOURS = {"tracking": BLUE, "degraded": ORANGE, "lost": BLACK, "skipped": BLACK}
+STATUS_WORDS = {"tracking": "sure", "degraded": "uncertain", "lost": "stop", "skipped": "stop"}
 Key = TypeVar("Key")
 # A stretch shorter than this share of the run has no room for words.
 ROOM_FOR_WORDS = 0.08
@@ -54,15 +55,29 @@ ROOM_FOR_WORDS = 0.08
 CUT_OFF = 8.0
 
 
-def draw_choice(several: Several) -> str:
-    """Draw a strip for each pair, whether it is believed and why not, and what the robot may do."""
+def draw_choice(several: Several, rule: str) -> str:
+    """Draw a strip for each pair, whether it is believed and why not, and what the robot may do.
+
+    By the rule `paper` one is chosen, which says nothing against the others.
+    """
     names = several.names
+    colours, belief_words = dict(BELIEF_COLOURS), dict(BELIEF_WORDS)
+    if rule == "paper":
+        colours["disagrees"], belief_words["disagrees"] = NOT_CHOSEN, "not chosen"
     figure, axes = make_figure(width=10.4, height=0.9 + 0.42 * (len(names) + 1))
     axes.grid(visible=False)
     times_s = several.times_s(names[0])
     whole_s = float(times_s[-1]) if len(times_s) > 1 else 1.0
     for place, name in enumerate(names):
-        _strip(axes, place, several.of(name), times_s, whole_s)
+        for key, start_s, end_s in _runs([(r.belief, r.reason) for r in several.of(name)], times_s):
+            belief, reason = key
+            axes.broken_barh(
+                [(start_s, end_s - start_s)], (place - 0.35, 0.7), color=colours.get(belief, GREY)
+            )
+            said = "" if belief == "joined" else belief_words.get(belief, belief)
+            if belief == "lost" and reason != "none":
+                said = short_words(reason)
+            _write(axes, said, place, (start_s, end_s), whole_s, light=belief == "lost")
     first = several.of(names[0])
     for status, start_s, end_s in _runs([row.status for row in first], times_s):
         colour = STATUS_COLOURS.get(status, GREY)
@@ -72,25 +87,12 @@ def draw_choice(several: Several) -> str:
     axes.set(xlabel="time [s]", xlim=(0, whole_s), ylim=(len(names) + 0.5, -0.5))
     axes.set_yticks(range(len(names) + 1), [*names, "together"])
     axes.tick_params(axis="y", length=0)
-    for belief, colour in BELIEF_COLOURS.items():
-        axes.broken_barh([(-1, 0.5)], (0, 0.1), color=colour, label=BELIEF_WORDS[belief])
+    for belief, colour in colours.items():
+        axes.broken_barh([(-1, 0.5)], (0, 0.1), color=colour, label=belief_words[belief])
     axes.legend(
         ncol=len(BELIEF_COLOURS), loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0.2
     )
     return svg_of(figure)
-
-
-def _strip(
-    axes: Axes, place: int, rows: Sequence[JudgeRow], times_s: np.ndarray, whole_s: float
-) -> None:
-    for key, start_s, end_s in _runs([(row.belief, row.reason) for row in rows], times_s):
-        belief, reason = key
-        colour = BELIEF_COLOURS.get(belief, GREY)
-        axes.broken_barh([(start_s, end_s - start_s)], (place - 0.35, 0.7), color=colour)
-        words = "" if belief == "joined" else BELIEF_WORDS.get(belief, belief)
-        if belief == "lost" and reason != "none":
-            words = short_words(reason)
-        _write(axes, words, place, (start_s, end_s), whole_s, light=belief == "lost")
 
 
 def _write(  # noqa: PLR0913, what and where
@@ -132,6 +134,7 @@ def draw_differences(several: Several, name: str) -> str:
     _shade_disbelief(axes, rows, times_s)
     axes.set(
         xlabel="time [s]",
+        xlim=(0, times_s[-1]),
         ylabel="off the calibrated [mm]",
         title=f"{name} against the others",
     )
@@ -156,7 +159,10 @@ def draw_chi_squares(several: Several, confidence: float) -> str:
     axes.axhline(limit, color=RED, ls="--", lw=1.0, label=f"limit {limit:.0f}")
     axes.set_yscale("log")
     axes.set(
-        xlabel="time [s]", ylabel="chi-square, 6 d.o.f.", title="Difference in standard errors"
+        xlabel="time [s]",
+        xlim=(0, several.times_s(names[0])[-1]),
+        ylabel="chi-square, 6 d.o.f.",
+        title="Difference in standard errors",
     )
     axes.legend(ncol=3)
     return svg_of(figure)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
@@ -26,8 +27,17 @@ def figure_card(svg: str, name: str, *, wide: bool = False) -> str:
 def judge_sections(several: Several, summary: Mapping[str, Any]) -> Iterable[str]:
     """Yield the section on the judge; `summary` may be that of a killed run."""
     told = summary.get("judge", {})
+    rule = str(told.get("rule", "chi_square"))
     yield "<h2>Which camera is believed</h2><div class='figures'>"
-    yield figure_card(draw_choice(several), "which pair is believed over time", wide=True)
+    yield figure_card(draw_choice(several, rule), "which pair is believed over time", wide=True)
+    yield from _comparisons(several, told)
+    yield _happenings(told.get("happenings", []), rule)
+
+
+def _comparisons(several: Several, told: Mapping[str, Any]) -> Iterable[str]:
+    if not any(math.isfinite(row.chi_square) for row in several.rows):
+        yield "</div><p class='card'>No two pairs had poses at the same time to be compared.</p>"
+        return
     names = several.names
     # Of two the second one's difference is the first one's, turned round.
     for name in names[1:] if len(names) <= 2 else names:
@@ -40,11 +50,12 @@ def judge_sections(several: Several, summary: Mapping[str, Any]) -> Iterable[str
         f" {told.get('window_s', 1.0):g} s puts it from where the calibration says it sits against"
         " the others, along the robot's axes. Shaded: not every pair is believed.</p>"
     )
-    yield _happenings(told.get("happenings", []))
 
 
-def _happenings(happenings: list[Mapping[str, Any]]) -> str:
+def _happenings(happenings: list[Mapping[str, Any]], rule: str) -> str:
     """Return the table of stretches in which not all pairs were believed."""
+    if not happenings and rule == "paper":
+        return "<p class='card'>The stereo pairs never differed by more than the limit.</p>"
     if not happenings:
         return "<p class='card'>All stereo pairs were believed all the time.</p>"
     rows = "".join(

@@ -128,7 +128,9 @@ def _head(results: Results) -> str:
 
 def _verdict(summary: dict[str, Any]) -> str:
     failure = failure_words(summary)
-    is_bad = failure is not None or summary["calibration_check"]["verdict"] == "inconsistent"
+    must_stop = summary.get("judge", {}).get("stops", 0) > 0
+    is_misfit = summary["calibration_check"]["verdict"] == "inconsistent"
+    is_bad = failure is not None or is_misfit or must_stop
     check = summary["calibration_check"]
     said = [tracking_words(summary), check.get("message") or calibration_words(check)]
     if failure is not None:
