@@ -30,3 +30,28 @@ def data_folder() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real recordings at {folder}; set PILOTAGE_DATA to their folder")
     return folder
+
+
+@pytest.fixture(scope="session")
+def yard_pairs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated drive of 3 m round a yard, a pair that looks ahead and one that looks down."""
+    out = tmp_path_factory.mktemp("pairs") / "yard"
+    drive = ["--path", "closed-3m", "--width", "160", "--rate-hz", "5", "--seed", "3"]
+    return _made(out, "simulate", "yard", "-o", str(out), "--ground", "grass", *drive)
+
+
+@pytest.fixture(scope="session")
+def joined_pairs(yard_pairs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of both pairs of that drive, set against truth, with a report."""
+    out = tmp_path_factory.mktemp("joined") / "out"
+    return _made(out, "localize", str(yard_pairs), "-o", str(out))
+
+
+def _made(out: Path, *arguments: str) -> Path:
+    from typer.testing import CliRunner
+
+    from pilotage.cli.main import app
+
+    done = CliRunner().invoke(app, list(arguments))
+    assert done.exit_code == 0, done.output
+    return out

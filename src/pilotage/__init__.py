@@ -4,11 +4,16 @@
 from importlib.metadata import PackageNotFoundError, version
 
 from pilotage._core import (
+    Belief,
     CalibrationCheck,
     CalibrationVerdict,
     Camera,
+    JointResult,
+    Judge,
+    JudgeConfig,
     OdometryConfig,
     OdometryResult,
+    PairVerdict,
     Reason,
     RectifiedStereo,
     Rectifier,
@@ -25,11 +30,16 @@ except PackageNotFoundError:  # used from its source tree, not installed
     __version__ = "unknown"
 
 __all__ = [
+    "Belief",
     "CalibrationCheck",
     "CalibrationVerdict",
     "Camera",
+    "JointResult",
+    "Judge",
+    "JudgeConfig",
     "OdometryConfig",
     "OdometryResult",
+    "PairVerdict",
     "Reason",
     "RectifiedStereo",
     "Rectifier",

@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration from a YAML file and from `key=value`."""
+"""Configuration from a YAML file and from `key=value`.
+
+points: 300                # of every stereo pair's odometry
+pairs:
+  down: {points: 200}      # of one pair, by name
+judge: {window_s: 2.0}     # of the comparison of several pairs
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,25 +20,113 @@ import yaml
 from pilotage.errors import InputError
 
 if TYPE_CHECKING:
-    from pilotage import OdometryConfig
+    from pilotage import JudgeConfig, OdometryConfig
+
+PAIRS, JUDGE = "pairs", "judge"
+# What a pair that looks down needs otherwise. Seen from straight above, an offset of the right
+# picture cannot be told from height, so it is not estimated.
+DOWNWARD: dict[str, Any] = {"front_end": "grid", "right_x_offset_prior_px": 0}
 
 
-def load_config(path: Path | None = None, settings: Sequence[str] = ()) -> OdometryConfig:
-    """Return the defaults, changed by the YAML file `path`, then by each `key=value` in order.
+@dataclass(frozen=True)
+class UserConfig:
+    """What the user changed: of every pair, of each by name, of the judge. All keys are known.
 
-    InputError names file (or setting) and key where a key is unknown or a value out of range.
+    `pair_sources` tells where a pair was named, for errors.
     """
-    from pilotage import OdometryConfig
 
-    values: dict[str, Any] = {}
+    shared: Mapping[str, Any] = field(default_factory=dict)
+    pairs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    judging: Mapping[str, Any] = field(default_factory=dict)
+    pair_sources: Mapping[str, str] = field(default_factory=dict)
+
+    def odometry(self, pair: str | None = None, *, is_downward: bool = False) -> OdometryConfig:
+        """Return the configuration of a pair's odometry; what the user says beats all else."""
+        from pilotage import OdometryConfig
+
+        fitting = DOWNWARD if is_downward else {}
+        own = self.pairs.get(pair, {}) if pair is not None else {}
+        return OdometryConfig.from_dict({**fitting, **self.shared, **own})
+
+    def judge(self, **changes: Any) -> JudgeConfig:
+        """Return the judge's configuration; what the user says beats `changes`."""
+        from pilotage import JudgeConfig
+
+        return JudgeConfig.from_dict({**changes, **self.judging})
+
+    def check_pairs(self, names: Iterable[str]) -> None:
+        """Raise InputError where a pair is configured that the recording does not have."""
+        known = list(names)
+        for name in self.pairs:
+            if name not in known:
+                raise InputError(
+                    f"{self.pair_sources.get(name, 'config')}: {PAIRS}.{name}: the recording has no"
+                    f" such stereo pair; it has {', '.join(known)}{_hint(name, known)}"
+                )
+
+
+def load_config(path: Path | None = None, settings: Sequence[str] = ()) -> UserConfig:
+    """Return what the YAML file `path` changes, then each `key=value` in order.
+
+    Keys of a setting may be dotted: `pairs.down.points=200`, `judge.window_s=2`. InputError names
+    file (or setting) and key where a key is unknown or a value out of range.
+    """
+    config = UserConfig()
     if path is not None:
-        values = _read(path)
-        _check(values, str(path))
+        config = _changed(config, _read(path), str(path))
     for setting in settings:
-        change = _parse(setting)
-        _check(change, f"--set {setting}")
-        values.update(change)
-    return OdometryConfig.from_dict(values)
+        config = _changed(config, _parse(setting), f"--set {setting}")
+    return config
+
+
+def _changed(config: UserConfig, values: Mapping[str, Any], where: str) -> UserConfig:
+    from pilotage import JudgeConfig, OdometryConfig
+
+    shared = {key: value for key, value in values.items() if key not in {PAIRS, JUDGE}}
+    _check(shared, OdometryConfig, where, "", extra=(PAIRS, JUDGE))
+    judging = _mapping(values.get(JUDGE), where, JUDGE)
+    _check(judging, JudgeConfig, where, f"{JUDGE}.")
+    pairs = {name: dict(own) for name, own in config.pairs.items()}
+    named = _mapping(values.get(PAIRS), where, PAIRS)
+    for name, content in named.items():
+        own = _mapping(content, where, f"{PAIRS}.{name}")
+        _check(own, OdometryConfig, where, f"{PAIRS}.{name}.")
+        pairs[name] = {**pairs.get(name, {}), **own}
+    return UserConfig(
+        {**config.shared, **shared},
+        pairs,
+        {**config.judging, **judging},
+        {**config.pair_sources, **dict.fromkeys(named, where)},
+    )
+
+
+def _mapping(value: Any, where: str, key: str) -> dict[str, Any]:
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise InputError(f"{where}: {key} = {value!r}: must be a mapping of keys to values")
+    return {str(name): _number(content) for name, content in value.items()}
+
+
+def _check(
+    values: Mapping[str, Any], kind: Any, where: str, place: str, *, extra: Sequence[str] = ()
+) -> None:
+    known = [*kind.describe(), *extra]
+    for key in values:
+        if key not in known:
+            raise InputError(
+                f"{where}: unknown key {place}{key}{_hint(key, known)}; known are"
+                f" {', '.join(known)}"
+            )
+    try:
+        kind.from_dict(dict(values))
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{where}: {place}{error}") from error
+
+
+def _hint(key: str, known: Sequence[str]) -> str:
+    near = get_close_matches(key, known, 1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -47,9 +143,12 @@ def _parse(setting: str) -> dict[str, Any]:
     if not separator or not key.strip():
         raise InputError(f"--set {setting}: must be KEY=VALUE")
     try:
-        return {key.strip(): _number(yaml.safe_load(text))}
+        value = _number(yaml.safe_load(text))
     except yaml.YAMLError:
         raise InputError(f"--set {setting}: {text!r} is not a value") from None
+    for part in reversed(key.strip().split(".")):
+        value = {part: value}
+    return dict(value)
 
 
 def _number(value: Any) -> Any:
@@ -58,12 +157,3 @@ def _number(value: Any) -> Any:
         return float(value) if isinstance(value, str) else value
     except ValueError:
         return value
-
-
-def _check(values: dict[str, Any], where: str) -> None:
-    from pilotage import OdometryConfig
-
-    try:
-        OdometryConfig.from_dict(values)
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{where}: {error}") from error

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import functools
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from pilotage.atomic_files import LineFile, produce_atomically, write_atomically
 from pilotage.errors import InputError, RunError
+from pilotage.judge_files import judge_header
 from pilotage.pose_files import (
     PoseRecord,
     csv_header,
@@ -41,10 +44,15 @@ CLOUD = "points.ply"
 PICTURES = "pictures.jpg"
 EVALUATION = "evaluation.json"
 REPORT = "report.html"
+JUDGE = "judge.csv"
+JUDGE_LIVE = "judge_live.csv"
+PAIRS = "pairs"  # a folder with one for each of several stereo pairs
 FILES = (
     *(SUMMARY, CONFIG, CALIBRATION, POSES, POSES_LIVE, TUM, TUM_LIVE, KITTI),
     *(TRUTH, CLOUD, PICTURES, EVALUATION, REPORT),
 )
+JUDGE_FILES = (JUDGE, JUDGE_LIVE)  # beside them, of several stereo pairs
+PAIR_FILES = (CALIBRATION, POSES, POSES_LIVE, TUM, TUM_LIVE, KITTI)
 
 
 class ResultsFolder:
@@ -63,12 +71,18 @@ class ResultsFolder:
         self._check_free()
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            for name in FILES:
-                (self.path / name).unlink(missing_ok=True)
         except OSError as error:
             raise InputError(f"cannot use {self.path} for results: {error.strerror}") from error
-        # Marks the folder as ours from the first moment on, and as unfinished should we be killed.
+        # Marks the folder as ours from the first moment on, and as unfinished should we be killed:
+        # also while what an earlier run left is removed.
         self.write_summary({"state": "running"})
+        try:
+            for name in (*FILES, *JUDGE_FILES):
+                if name != SUMMARY:
+                    (self.path / name).unlink(missing_ok=True)
+            _clear_pairs(self.path / PAIRS)
+        except OSError as error:
+            raise InputError(f"cannot use {self.path} for results: {error.strerror}") from error
         for name in (POSES_LIVE, TUM_LIVE):
             self._live[name] = LineFile(self.path / name)
         self._live[POSES_LIVE].append(csv_header())
@@ -89,12 +103,42 @@ class ResultsFolder:
         self._live[POSES_LIVE].append(csv_line(record))
         self._live[TUM_LIVE].append(tum_line(record))
 
-    def write_trajectory(self, records: Iterable[PoseRecord]) -> None:
-        """Write the adjusted trajectory in its three formats."""
-        known = list(records)
-        write_atomically(self.path / POSES, csv_header() + "".join(map(csv_line, known)))
-        write_atomically(self.path / TUM, "".join(map(tum_line, known)))
-        write_atomically(self.path / KITTI, "".join(map(kitti_line, known)))
+    def begin_pairs(self, rigs: Mapping[str, StereoRig]) -> None:
+        """Make a folder for each of several stereo pairs, with its calibration and live files."""
+        from pilotage.calibration.files import save_rig
+
+        self._live[JUDGE_LIVE] = LineFile(self.path / JUDGE_LIVE)
+        self._live[JUDGE_LIVE].append(judge_header())
+        for folder, rig in zip(pair_folders(rigs).values(), rigs.values(), strict=True):
+            place = self.path / folder
+            try:
+                place.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise RunError(f"cannot make {place}: {error.strerror}") from error
+            produce_atomically(place / CALIBRATION, functools.partial(save_rig, rig))
+            for name in (POSES_LIVE, TUM_LIVE):
+                self._live[f"{folder}/{name}"] = LineFile(place / name)
+            self._live[f"{folder}/{POSES_LIVE}"].append(csv_header())
+
+    def append_pair_live(self, folder: str, record: PoseRecord) -> None:
+        """Add what one stereo pair says at this moment to the live files of its folder."""
+        self._live[f"{folder}/{POSES_LIVE}"].append(csv_line(record))
+        self._live[f"{folder}/{TUM_LIVE}"].append(tum_line(record))
+
+    def append_judge_live(self, lines: str) -> None:
+        """Add lines of judge.csv as they are decided at this moment."""
+        self._live[JUDGE_LIVE].append(lines)
+
+    def write_judge(self, text: str) -> None:
+        """Write judge.csv, whole."""
+        write_atomically(self.path / JUDGE, text)
+
+    def write_trajectory(self, records: Iterable[PoseRecord], folder: str = "") -> None:
+        """Write the adjusted trajectory in its three formats; of one pair into its folder."""
+        known, place = list(records), self.path / folder
+        write_atomically(place / POSES, csv_header() + "".join(map(csv_line, known)))
+        write_atomically(place / TUM, "".join(map(tum_line, known)))
+        write_atomically(place / KITTI, "".join(map(kitti_line, known)))
 
     def write_truth(self, records: Sequence[PoseRecord]) -> None:
         """Write the truth that came with the recording; no file where there is none."""
@@ -122,6 +166,12 @@ class ResultsFolder:
         from pilotage.calibration.files import save_rig
 
         produce_atomically(self.path / CALIBRATION, lambda path: save_rig(rig, path))
+
+    def write_calibrations(self, rigs: Mapping[str, StereoRig]) -> None:
+        """Write those of several stereo pairs, so that they can be given to --calibration."""
+        from pilotage.calibration.rig_calibration import save_rigs
+
+        produce_atomically(self.path / CALIBRATION, lambda path: save_rigs(rigs, path))
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write summary.json; NaN becomes null, for JSON has none."""
@@ -160,6 +210,40 @@ def read_results(path: Path) -> Results:
     adjusted = (path / POSES).exists()
     records = read_pose_table(path / (POSES if adjusted else POSES_LIVE))
     return Results(path=path, summary=summary, records=records, adjusted=adjusted)
+
+
+def read_pair_records(results: Results) -> dict[str, list[PoseRecord]]:
+    """Return the poses of each stereo pair by itself, of a run that joined several; by name."""
+    name = POSES if results.adjusted else POSES_LIVE
+    listed = results.summary.get("stereo_pairs")
+    if listed is None:  # the run was killed before it came to say
+        found = {path.name: f"{PAIRS}/{path.name}" for path in results.path.glob(f"{PAIRS}/*/")}
+    else:
+        found = {pair["name"]: pair["folder"] for pair in listed}
+    places = {pair: results.path / folder / name for pair, folder in found.items()}
+    return {pair: read_pose_table(path) for pair, path in places.items() if path.exists()}
+
+
+def pair_folders(names: Iterable[str]) -> dict[str, str]:
+    """Return the folder of each stereo pair inside a results folder: `pairs/front`."""
+    folders: dict[str, str] = {}
+    for name in names:
+        plain = re.sub(r"[^\w-]+", "_", name) or "_"
+        while f"{PAIRS}/{plain}" in folders.values():
+            plain += "_"
+        folders[name] = f"{PAIRS}/{plain}"
+    return folders
+
+
+def _clear_pairs(path: Path) -> None:
+    """Remove what an earlier run left for each pair, and nothing else."""
+    for folder in sorted(path.glob("*/")):
+        for name in PAIR_FILES:
+            (folder / name).unlink(missing_ok=True)
+        if not any(folder.iterdir()):
+            folder.rmdir()
+    if path.is_dir() and not any(path.iterdir()):
+        path.rmdir()
 
 
 def is_results_folder(path: Path) -> bool:

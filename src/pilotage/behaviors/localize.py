@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,18 +54,20 @@ def localize(  # noqa: PLR0913, all by name
     selection: Selection | None = None,
     overwrite: bool = False,
     on_pair: OnPair | None = None,
+    warnings: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Track the selected pairs, write the results folder `out`, and return its summary.
 
-    `on_pair` is told how many pairs are done and the last one's live record. An interrupt (Ctrl-C)
-    or an error on the way ends the run early: all that was computed is adjusted and written; an
-    error then goes on, an interrupt is told by the summary's `state`.
+    `on_pair` is told how many pairs are done and the last one's live record; `warnings` of before
+    the run go into the summary. An interrupt (Ctrl-C) or an error on the way ends the run early:
+    all that was computed is adjusted and written; an error then goes on, an interrupt is told by
+    the summary's `state`.
     """
     chosen = (selection or Selection()).indices(len(recording))
     with ResultsFolder(out, overwrite=overwrite) as folder:
         folder.write_config(config.to_dict())
         folder.write_calibration(recording.rig)
-        run = _Run(recording, odometry, folder, chosen, ContactSheet(chosen))
+        run = _Run(recording, odometry, folder, chosen, ContactSheet(chosen), warnings)
         start = Cost.now(recording)
         error: BaseException | None = None
         try:
@@ -87,6 +89,7 @@ class _Run:
     folder: ResultsFolder
     chosen: range
     sheet: ContactSheet
+    warnings: Sequence[str] = ()
     indices: list[int] = field(default_factory=list)
     skipped: list[BadFrame] = field(default_factory=list)
 
@@ -128,6 +131,7 @@ class _Run:
             # Taken before the report is drawn: drawing needs more memory than tracking.
             peak_rss_mb=peak_rss_mb(),
             error=error,
+            warnings=self.warnings,
         )
         faults = []
         writes: tuple[Callable[[], None], ...] = (
@@ -150,7 +154,7 @@ class _Run:
 def record_of(index: int, result: OdometryResult) -> PoseRecord:
     """Return what the odometry said of the pair `index`, as the results folder holds it."""
     pose = result.world_from_left
-    position, quaternion = (None, None) if pose is None else _pose_numbers(pose)
+    position, quaternion = (None, None) if pose is None else pose_numbers(pose)
     return PoseRecord(
         index=index,
         timestamp_ns=result.timestamp_ns,
@@ -181,7 +185,7 @@ def truth_records(recording: Recording) -> list[PoseRecord]:
     times = zip(truth.timestamps_ns.tolist(), truth.world_from_left, strict=True)
     for index, (timestamp_ns, world_from_left) in enumerate(times):
         world_from_body = Transform.from_matrix(world_from_left) @ left_from_body
-        position, quaternion = _pose_numbers(world_from_body)
+        position, quaternion = pose_numbers(world_from_body)
         records.append(
             PoseRecord(
                 index, timestamp_ns, "tracking", position_m=position, quaternion_wxyz=quaternion
@@ -190,7 +194,7 @@ def truth_records(recording: Recording) -> list[PoseRecord]:
     return records
 
 
-def _pose_numbers(
+def pose_numbers(
     pose: Transform,
 ) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
     """Return position and unit quaternion (wxyz) as plain numbers."""

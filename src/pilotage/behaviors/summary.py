@@ -38,7 +38,13 @@ class Cost:
     @staticmethod
     def now(recording: Recording) -> Cost:
         """Return what has been spent up to this moment."""
-        return Cost(time.process_time(), recording.decode_cpu_s, time.perf_counter())
+        return Cost.of_all([recording])
+
+    @staticmethod
+    def of_all(recordings: Sequence[Recording]) -> Cost:
+        """Return what has been spent up to this moment, decoding that of all together."""
+        decode_cpu_s = sum(recording.decode_cpu_s for recording in recordings)
+        return Cost(time.process_time(), decode_cpu_s, time.perf_counter())
 
     def since(self, start: Cost) -> Cost:
         """Return what was spent after `start`."""
@@ -68,10 +74,30 @@ def summarize(  # noqa: PLR0913, all by name
     cost: Cost,
     peak_rss_mb: float,
     error: BaseException | None,
+    warnings: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the content of summary.json; see docs/results_folder.md."""
-    is_interrupt = isinstance(error, KeyboardInterrupt)
+    """Return the content of summary.json; see docs/results_folder.md.
+
+    `warnings` are those of before the run.
+    """
     summary: dict[str, Any] = {
+        **describe_run(recording, chosen, error),
+        "body": "left" if recording.rig.robot_from_left is None else "robot",
+        **describe_tracking(records, skipped),
+        **cost.per_pair_ms(len(records)),
+        "adjustment_cpu_ms": odometry.adjustment_cpu_ms,
+        "peak_rss_mb": peak_rss_mb,
+        "calibration_check": describe_calibration(odometry.calibration_check()),
+    }
+    return {**summary, "warnings": [*warnings, *warnings_of(summary)]}
+
+
+def describe_run(
+    recording: Recording, chosen: range, error: BaseException | None
+) -> dict[str, Any]:
+    """Return which program ran on what, and how it ended."""
+    is_interrupt = isinstance(error, KeyboardInterrupt)
+    return {
         "version": __version__,
         "commit": program_commit(),
         "state": "finished" if error is None else "interrupted" if is_interrupt else "failed",
@@ -84,14 +110,7 @@ def summarize(  # noqa: PLR0913, all by name
             "end": chosen.stop,
             "every": chosen.step,
         },
-        "body": "left" if recording.rig.robot_from_left is None else "robot",
-        **describe_tracking(records, skipped),
-        **cost.per_pair_ms(len(records)),
-        "adjustment_cpu_ms": odometry.adjustment_cpu_ms,
-        "peak_rss_mb": peak_rss_mb,
-        "calibration_check": describe_calibration(odometry.calibration_check()),
     }
-    return {**summary, "warnings": warnings_of(summary)}
 
 
 def peak_rss_mb() -> float:

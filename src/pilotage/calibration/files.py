@@ -15,6 +15,7 @@ from pilotage.calibration.kalibr import is_kalibr, read_kalibr
 from pilotage.calibration.kitti import read_kitti
 from pilotage.calibration.opencv_storage import is_opencv, read_opencv
 from pilotage.calibration.own import is_own, read_own, write_own
+from pilotage.calibration.rig_calibration import has_pairs, read_pair
 from pilotage.calibration.ros import is_ros, read_ros
 from pilotage.errors import InputError
 
@@ -28,26 +29,34 @@ CALIBRATION_NAMES = (
 SIDE_NAMES = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"), ("cam0", "cam1"),
               ("_0", "_1"), ("_l", "_r"), ("_L", "_R"), ("-l", "-r"), ("-L", "-R"))  # fmt: skip
 STYLES = (
-    "Pilotage (right_from_left), Kalibr camchain (cam0, cam1), ROS camera_info (camera_matrix), "
-    "EuRoC sensor.yaml (T_BS), OpenCV FileStorage (cameraMatrix1), KITTI calib.txt (P0)"
+    "Pilotage (right_from_left, or pairs of them), Kalibr camchain (cam0, cam1), "
+    "ROS camera_info (camera_matrix), EuRoC sensor.yaml (T_BS), "
+    "OpenCV FileStorage (cameraMatrix1), KITTI calib.txt (P0)"
 )
 
 
 def load_rig(
-    path: str | Path, *, image_size_px: tuple[int, int] | None = None, colour: bool = False
+    path: str | Path,
+    *,
+    image_size_px: tuple[int, int] | None = None,
+    colour: bool = False,
+    pair: str | None = None,
 ) -> StereoRig:
     """Return the stereo rig of a calibration file, or of a folder that holds one.
 
     `image_size_px` (width, height) fills in for styles that do not say it; `colour` chooses
-    KITTI's P2 and P3. Raises InputError that names file, key, value and remedy.
+    KITTI's P2 and P3; `pair` is that of a file of several pairs, by default its first.
+    Raises InputError that names file, key, value and remedy.
     """
     try:
-        return _load(Path(path), image_size_px, colour)
+        return _load(Path(path), image_size_px, colour, pair)
     except (OSError, ValueError) as error:  # no permission, a name too long or with a zero byte
         raise InputError(f"{str(path)!r}: cannot be read ({error}); check the path") from error
 
 
-def _load(file: Path, image_size_px: tuple[int, int] | None, colour: bool) -> StereoRig:
+def _load(  # noqa: PLR0911, one for each style
+    file: Path, image_size_px: tuple[int, int] | None, colour: bool, pair: str | None
+) -> StereoRig:
     if file.is_dir():
         found = find_calibration(file)
         if found is None:
@@ -59,6 +68,8 @@ def _load(file: Path, image_size_px: tuple[int, int] | None, colour: bool) -> St
         return read_kitti(file, image_size_px, colour=colour)
     documents = read_documents(file)
     first = documents[0]
+    if has_pairs(first):
+        return read_pair(first, pair)
     if is_own(first):
         return read_own(first)
     if is_kalibr(first):

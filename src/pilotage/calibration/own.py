@@ -38,7 +38,7 @@ def is_own(section: Section) -> bool:
 
 
 def read_own(section: Section) -> StereoRig:
-    """Return the rig of a file in our own style."""
+    """Return the rig of a file in our own style, or of a part of one."""
     section.refuse_unknown(["left", "right", "right_from_left", "robot_from_left", READOUT])
     robot_from_left = None
     if "robot_from_left" in section:
@@ -55,6 +55,12 @@ def read_own(section: Section) -> StereoRig:
 
 def write_own(rig: StereoRig) -> str:
     """Return the text of a rig; floats keep every digit."""
+    header = "# Stereo rig of Pilotage. Pixel (0, 0) is the centre of the first pixel.\n"
+    return header + yaml.safe_dump(own_values(rig), sort_keys=False, default_flow_style=None)
+
+
+def own_values(rig: StereoRig) -> dict[str, Any]:
+    """Return a rig as the values of its keys."""
     document: dict[str, Any] = {
         "left": _camera_values(rig.left),
         "right": _camera_values(rig.right),
@@ -64,8 +70,7 @@ def write_own(rig: StereoRig) -> str:
         document["robot_from_left"] = _transform_values(rig.robot_from_left)
     if rig.readout_s:
         document[READOUT] = rig.readout_s
-    header = "# Stereo rig of Pilotage. Pixel (0, 0) is the centre of the first pixel.\n"
-    return header + yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+    return document
 
 
 def _read_camera(section: Section) -> Camera:

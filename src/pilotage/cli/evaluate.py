@@ -13,6 +13,7 @@ import typer
 from pilotage.cli.errors import errors_to_exit
 
 if TYPE_CHECKING:
+    from pilotage.evaluation.evaluate import Comparison
     from pilotage.evaluation.metrics import Metrics
 
 
@@ -79,6 +80,23 @@ def evaluate(  # noqa: PLR0913, PLR0917, an argument for each option
 
             write_report(comparison.results, comparison)
         _print(comparison.metrics, str(out))
+        if comparison.alone:
+            _print_alone(comparison)
+
+
+def _print_alone(comparison: Comparison) -> None:
+    """Print what the stereo pairs reach by themselves, beside what joining them gave."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from pilotage.evaluation.verdict import alone_rows
+
+    table = Table(title="joined, and each stereo pair alone")
+    for heading in ("", "pairs with pose", "end", "ATE, rms", "ATE, largest"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for row in alone_rows(comparison):
+        table.add_row(*row)
+    Console().print(table)
 
 
 def _print(metrics: Metrics, title: str) -> None:

@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pilotage.behaviors.choice import Use
 from pilotage.cli.errors import (
     FAILED,
     errors_to_exit,
@@ -15,6 +16,11 @@ from pilotage.cli.errors import (
     say_warning,
     stop_on_terminate,
 )
+
+if TYPE_CHECKING:
+    from pilotage.behaviors.choice import Choice
+    from pilotage.behaviors.localize import Selection
+    from pilotage.config import UserConfig
 
 
 def localize(  # noqa: PLR0913, PLR0917, an argument for each option
@@ -28,6 +34,15 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         str | None,
         typer.Option(
             help="Stereo pair of a recording with several: front, down.", show_default=False
+        ),
+    ] = None,
+    use: Annotated[
+        Use | None,
+        typer.Option(
+            help="Of several stereo pairs the one that looks ahead or down, all of them joined, or"
+            " the rover paper's choice between them; by default all that are calibrated against"
+            " the robot.",
+            show_default=False,
         ),
     ] = None,
     config: Annotated[
@@ -59,36 +74,67 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
 
     Find where the camera was at every stereo pair of RECORDING. Formats are recognised by
     themselves: KITTI, EuRoC, MCAP (ROS 2), folders of left and right or side-by-side pictures,
-    video. Of several stereo pairs the one that looks ahead is taken. Ctrl-C ends the run early and
-    keeps what was computed.
+    video. Several stereo pairs are compared and joined. Ctrl-C ends the run early and keeps what
+    was computed.
     """
     with errors_to_exit(debug=debug):
-        from pilotage import StereoOdometry
+        from pilotage.behaviors.choice import choose
         from pilotage.behaviors.localize import Selection
-        from pilotage.behaviors.localize import localize as track
-        from pilotage.cli.progress import make_progress
         from pilotage.config import load_config
-        from pilotage.recordings.recording import open_recording
 
         selection = Selection(start=start, end=end, every=every)
         used = load_config(config, settings or [])
-        opened = open_recording(recording, calibration=calibration, rate_hz=rate_hz, pair=pair)
-        odometry = StereoOdometry(rig=opened.rig, config=used)
-        pairs = len(selection.indices(len(opened)))
-        with stop_on_terminate(), make_progress(opened.name, pairs) as progress:
-            summary = track(
-                recording=opened,
-                odometry=odometry,
-                config=used,
-                out=out,
-                selection=selection,
-                overwrite=overwrite,
-                on_pair=progress.on_pair,
-            )
+        choice = choose(
+            recording, config=used, pair=pair, use=use, calibration=calibration, rate_hz=rate_hz
+        )
+        run = _track_joint if choice.is_joint else _track_one
+        with stop_on_terminate():
+            summary = run(choice, used, selection, out, overwrite)
         fault = _draw_report(out) if report else None
         _conclude(summary, out)
         if fault is not None:
             fail(f"report not drawn: {fault}", FAILED)
+
+
+def _track_one(
+    choice: Choice, config: UserConfig, selection: Selection, out: Path, overwrite: bool
+) -> dict[str, Any]:
+    from pilotage.behaviors.localize import localize as track
+    from pilotage.cli.progress import make_progress
+
+    (source,) = choice.sources
+    opened = source.recording
+    odometry = source.make_odometry()
+    with make_progress(opened.name, len(selection.indices(len(opened)))) as progress:
+        return track(
+            recording=opened,
+            odometry=odometry,
+            config=source.config,
+            out=out,
+            selection=selection,
+            overwrite=overwrite,
+            on_pair=progress.on_pair,
+            warnings=choice.warnings(),
+        )
+
+
+def _track_joint(
+    choice: Choice, config: UserConfig, selection: Selection, out: Path, overwrite: bool
+) -> dict[str, Any]:
+    from pilotage.behaviors.localize_joint import localize_joint
+    from pilotage.cli.progress import make_progress
+
+    first = choice.sources[0].recording
+    rule = "paper" if choice.use is Use.paper else "chi_square"
+    with make_progress(first.name, len(selection.indices(len(first)))) as progress:
+        return localize_joint(
+            choice=choice,
+            judge=config.judge(rule=rule),
+            out=out,
+            selection=selection,
+            overwrite=overwrite,
+            on_instant=progress.on_pair,
+        )
 
 
 def _draw_report(out: Path) -> str | None:

@@ -28,8 +28,11 @@ class Progress(Protocol):
     ) -> None:
         """Stop showing."""
 
-    def on_pair(self, done: int, record: PoseRecord) -> None:
-        """Show that `done` pairs are done, the last of them with `record`."""
+    def on_pair(self, done: int, record: PoseRecord, words: str = "") -> None:
+        """Show that `done` pairs are done, the last of them with `record`.
+
+        `words` say more of its status where several stereo pairs are judged.
+        """
 
 
 def make_progress(name: str, pairs: int) -> Progress:
@@ -37,8 +40,10 @@ def make_progress(name: str, pairs: int) -> Progress:
     return BarProgress(name, pairs) if sys.stderr.isatty() else LineProgress(name, pairs)
 
 
-def status_words(record: PoseRecord) -> str:
-    """Return the status, with the reason where there is one."""
+def status_words(record: PoseRecord, words: str = "") -> str:
+    """Return the status, with the reason where there is one; `words` say it better."""
+    if words:
+        return f"{record.status}, {words}" if record.status != "lost" else words
     if record.reason == "none":
         return record.status
     return f"{record.status}: {reason_words(record.reason)}"
@@ -57,15 +62,16 @@ class LineProgress:
     def __exit__(self, *error: object) -> None:
         return None
 
-    def on_pair(self, done: int, record: PoseRecord) -> None:
+    def on_pair(self, done: int, record: PoseRecord, words: str = "") -> None:
         """Print a line when the last one is old enough or the run is through."""
         now = time.monotonic()
         if now - self._said < SECONDS_BETWEEN_LINES and done < self._pairs:
             return
         self._said = now
         rate = done / max(now - self._started, 1e-9)
+        status = status_words(record, words)
         print(
-            f"{self._name}: {done}/{self._pairs} pairs, {rate:.1f} pairs/s, {status_words(record)},"
+            f"{self._name}: {done}/{self._pairs} pairs, {rate:.1f} pairs/s, {status},"
             f" {record.inliers} inliers",
             file=sys.stderr,
             flush=True,
@@ -100,12 +106,12 @@ class BarProgress:
     def __exit__(self, *error: object) -> None:
         self._bar.stop()
 
-    def on_pair(self, done: int, record: PoseRecord) -> None:
+    def on_pair(self, done: int, record: PoseRecord, words: str = "") -> None:
         """Tell the bar; it redraws by its own clock."""
         self._bar.update(
             self._task,
             completed=done,
             rate=done / max(time.monotonic() - self._started, 1e-9),
-            status=status_words(record),
+            status=status_words(record, words),
             inliers=record.inliers,
         )

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +22,29 @@ from pilotage.evaluation.truth import (
     poses_of,
 )
 from pilotage.pose_files import PoseRecord, tum_line
-from pilotage.results import CALIBRATION, EVALUATION, TRUTH, Results, read_results, write_json
+from pilotage.results import (
+    CALIBRATION,
+    EVALUATION,
+    TRUTH,
+    Results,
+    read_pair_records,
+    read_results,
+    write_json,
+)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run, the truth at its pairs in the run's own body (N, 4, 4), and the figures."""
+    """A run, the truth at its pairs in the run's own body (N, 4, 4), and the figures.
+
+    `alone` holds the same of each stereo pair by itself, where several were joined; None for a pair
+    that truth and poses do not tell of.
+    """
 
     results: Results
     truth: Array
     metrics: Metrics
+    alone: Mapping[str, Comparison | None] = field(default_factory=dict)
 
 
 def evaluate_results(
@@ -51,11 +64,17 @@ def evaluate_results(
     truth = _truth(results, truth_path, truth_of)
     at_pairs = truth.at(results.records)
     comparison = compare(results, at_pairs, alignment=alignment, lengths_m=lengths_m)
+    alone = _alone(results, truth, alignment, lengths_m)
+    comparison = replace(comparison, alone=alone)
     report: dict[str, Any] = {
         "truth": str(truth_path or out / TRUTH),
         "poses": "adjusted" if results.adjusted else "live",
         **comparison.metrics.to_dict(),
     }
+    if alone:
+        report["stereo_pairs"] = {
+            name: one.metrics.to_dict() if one else None for name, one in alone.items()
+        }
     write_atomically(out / TRUTH, _tum_of(results.records, at_pairs))
     write_json(out / EVALUATION, report)
     return comparison
@@ -83,6 +102,25 @@ def compare(
         lengths_m=lengths_m,
     )
     return Comparison(results, truth_at_pairs, metrics)
+
+
+def _alone(
+    results: Results,
+    truth: TruthPoses,
+    alignment: Alignment,
+    lengths_m: tuple[float, ...] | None,
+) -> dict[str, Comparison | None]:
+    """Return the comparison of each stereo pair by itself, of a run that joined several."""
+    figures: dict[str, Comparison | None] = {}
+    for name, records in read_pair_records(results).items():
+        try:
+            own = replace(results, records=records)
+            figures[name] = compare(
+                own, truth.at(records), alignment=alignment, lengths_m=lengths_m
+            )
+        except InputError:
+            figures[name] = None
+    return figures
 
 
 def covariances_of(records: Sequence[PoseRecord]) -> Array | None:

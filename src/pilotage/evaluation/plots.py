@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito (2008): told apart with any colour vision, and in grey by their lightness.
 BLUE, ORANGE, RED, GREEN, BLACK = "#0072B2", "#E69F00", "#D55E00", "#009E73", "#222222"
+PAIR_COLOURS = ("#CC79A7", "#009E73", "#56B4E9", "#A68A00")
 # Beyond this a curve shows no more on a page, and the page only grows.
 MOST_POINTS = 3000
 STYLE: dict[Any, Any] = {
@@ -44,14 +46,26 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def draw_path(course: Course, truth_m: Array | None) -> str:
-    """Draw the path from above, forward to the right, equal scale; gaps dotted."""
+def pair_colour(number: int) -> str:
+    """Return the colour of the stereo pair of that number, alike in all figures."""
+    return PAIR_COLOURS[number % len(PAIR_COLOURS)]
+
+
+def draw_path(
+    course: Course, truth_m: Array | None, pairs_m: Mapping[str, Array] | None = None
+) -> str:
+    """Draw the path from above, forward to the right, equal scale; gaps dotted.
+
+    `pairs_m` are the (N, 3) paths of stereo pairs by themselves, where they were joined.
+    """
     east, north = course.position_m[:, 0], course.position_m[:, 1]
     drawn = course.position_m if truth_m is None else np.vstack([course.position_m, truth_m])
-    figure, axes = _figure(width=10.4, height=_path_height(drawn))
+    figure, axes = make_figure(width=10.4, height=_path_height(drawn))
     if truth_m is not None:
-        axes.plot(*_thin(truth_m[:, 0], truth_m[:, 1]), "--", color=BLACK, lw=1.1, label="truth")
-    axes.plot(*_thin(east, north), color=BLUE, lw=1.8, label="tracked")
+        axes.plot(*thin(truth_m[:, 0], truth_m[:, 1]), "--", color=BLACK, lw=1.1, label="truth")
+    for number, (name, path_m) in enumerate((pairs_m or {}).items()):
+        axes.plot(*thin(path_m[:, 0], path_m[:, 1]), color=pair_colour(number), lw=1.0, label=name)
+    axes.plot(*thin(east, north), color=BLUE, lw=1.8, label="joined" if pairs_m else "tracked")
     if course.is_degraded.any():
         shown = np.where(course.is_degraded, 1.0, np.nan)
         axes.plot(east * shown, north * shown, ".", color=ORANGE, ms=5, label="uncertain")
@@ -65,8 +79,8 @@ def draw_path(course: Course, truth_m: Array | None) -> str:
             )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="forward [m]", ylabel="left [m]")
-    axes.legend(ncol=6, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    return _svg(figure)
+    axes.legend(ncol=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
+    return svg_of(figure)
 
 
 def _path_height(drawn: Array) -> float:
@@ -87,63 +101,63 @@ def _draw_gaps(axes: Axes, course: Course) -> None:
 
 def draw_height(course: Course, truth_m: Array | None) -> str:
     """Draw height over the way travelled."""
-    figure, axes = _figure()
+    figure, axes = make_figure()
     if truth_m is not None:
-        axes.plot(*_thin(way_m(truth_m), truth_m[:, 2]), "--", color=BLACK, lw=1.1, label="truth")
+        axes.plot(*thin(way_m(truth_m), truth_m[:, 2]), "--", color=BLACK, lw=1.1, label="truth")
         axes.plot([], [], color=BLUE, label="tracked")
         axes.legend()
-    axes.plot(*_thin(way_m(course.position_m), course.position_m[:, 2]), color=BLUE)
+    axes.plot(*thin(way_m(course.position_m), course.position_m[:, 2]), color=BLUE)
     axes.set(xlabel="distance travelled [m]", ylabel="height [m]", title="Height")
     _at_least(axes, 0.02)
-    return _svg(figure)
+    return svg_of(figure)
 
 
 def draw_speed(course: Course) -> str:
     """Draw speed over time, from neighbouring pairs."""
-    figure, axes = _figure()
+    figure, axes = make_figure()
     spans = np.diff(course.time_s)
     steps = np.linalg.norm(np.diff(course.position_m, axis=0), axis=1)
     speed = np.divide(steps, spans, out=np.full(len(steps), np.nan), where=spans > 0)
-    axes.plot(*_thin(course.time_s[1:], speed), color=BLUE)
+    axes.plot(*thin(course.time_s[1:], speed), color=BLUE)
     axes.set(xlabel="time [s]", ylabel="speed [m/s]", title="Speed")
     axes.set_ylim(bottom=0)
     _shade_lost(axes, course)
-    return _svg(figure)
+    return svg_of(figure)
 
 
 def draw_matches(course: Course) -> str:
     """Draw matches and inliers over time."""
-    figure, axes = _figure()
+    figure, axes = make_figure()
     for name, colour, style in (("matches", BLACK, "--"), ("inliers", BLUE, "-")):
         values = np.array([float(getattr(record, name)) for record in course.records])
-        axes.plot(*_thin(course.time_s, values), style, color=colour, label=name)
+        axes.plot(*thin(course.time_s, values), style, color=colour, label=name)
     axes.set(xlabel="time [s]", ylabel="points", title="Matches and inliers")
     axes.set_ylim(bottom=0)
     axes.legend(ncol=2)
     _shade_lost(axes, course)
-    return _svg(figure)
+    return svg_of(figure)
 
 
 def draw_residuals(course: Course) -> str:
     """Draw the rms residual and the y-parallax over time."""
-    figure, axes = _figure()
+    figure, axes = make_figure()
     axes.plot(
-        *_thin(course.time_s, course.measure("residual_px")), color=BLUE, label="residual, rms"
+        *thin(course.time_s, course.measure("residual_px")), color=BLUE, label="residual, rms"
     )
     parallax = course.measure("y_parallax_px")
-    axes.plot(*_thin(course.time_s, parallax), "--", color=ORANGE, label="y-parallax, rms")
+    axes.plot(*thin(course.time_s, parallax), "--", color=ORANGE, label="y-parallax, rms")
     axes.set(xlabel="time [s]", ylabel="image error [px]", title="Residual and y-parallax")
     axes.set_ylim(bottom=0)
     axes.legend(ncol=2)
     _shade_lost(axes, course)
-    return _svg(figure)
+    return svg_of(figure)
 
 
 def draw_deviation(course: Course) -> str:
     """Draw the standard deviation of the position over time."""
-    figure, axes = _figure()
-    unit, scale = _unit(course.deviation_m)
-    axes.plot(*_thin(course.time_s, scale * course.deviation_m), color=BLUE)
+    figure, axes = make_figure()
+    unit, scale = unit_of(course.deviation_m)
+    axes.plot(*thin(course.time_s, scale * course.deviation_m), color=BLUE)
     axes.set(
         xlabel="time [s]",
         ylabel=f"standard deviation [{unit}]",
@@ -151,44 +165,47 @@ def draw_deviation(course: Course) -> str:
     )
     axes.set_ylim(bottom=0)
     _shade_lost(axes, course)
-    return _svg(figure)
+    return svg_of(figure)
 
 
 def draw_errors(course: Course, comparison: Comparison) -> str:
     """Draw the distance to the truth over the way travelled, both ways of alignment."""
-    figure, axes = _figure()
+    figure, axes = make_figure()
     estimate = poses_of(course.records)
     way = way_m(comparison.truth[:, :3, 3])
     chosen = comparison.metrics.alignment
     errors = position_errors(estimate=estimate, truth=comparison.truth, alignment="origin")
     fitted = position_errors(estimate=estimate, truth=comparison.truth, alignment="se3")
-    unit, scale = _unit(errors)
-    axes.plot(*_thin(way, scale * errors), color=BLUE, label="first pose on first pose")
-    axes.plot(*_thin(way, scale * fitted), "--", color=ORANGE, label="best fit (ATE)")
+    unit, scale = unit_of(errors)
+    axes.plot(*thin(way, scale * errors), color=BLUE, label="first pose on first pose")
+    axes.plot(*thin(way, scale * fitted), "--", color=ORANGE, label="best fit (ATE)")
     if chosen == "none":
         raw = position_errors(estimate=estimate, truth=comparison.truth, alignment="none")
-        axes.plot(*_thin(way, scale * raw), ":", color=BLACK, label="as they are")
-    deviation = _thin(way, scale * course.deviation_m)
+        axes.plot(*thin(way, scale * raw), ":", color=BLACK, label="as they are")
+    deviation = thin(way, scale * course.deviation_m)
     axes.plot(*deviation, "-.", color=GREEN, lw=1.0, label="standard deviation claimed")
     axes.set(xlabel="distance travelled [m]", ylabel=f"error [{unit}]", title="Error against truth")
     axes.set_ylim(bottom=0)
     axes.legend()
-    return _svg(figure)
+    return svg_of(figure)
 
 
-def _unit(values_m: Array) -> tuple[str, float]:
+def unit_of(values_m: Array) -> tuple[str, float]:
+    """Return the unit that suits lengths so large, and what metres are multiplied by."""
     largest = np.nanmax(values_m) if np.isfinite(values_m).any() else 1.0
     return ("mm", 1e3) if largest < 0.1 else ("m", 1.0)
 
 
-def _figure(width: float = 5.1, height: float = 2.7) -> tuple[Figure, Axes]:
+def make_figure(width: float = 5.1, height: float = 2.7) -> tuple[Figure, Axes]:
+    """Return a figure of that size, inches, and its only axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.add_subplot()
 
 
-def _svg(figure: Figure) -> str:
+def svg_of(figure: Figure) -> str:
+    """Return a figure as SVG text to be put into a page."""
     text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     svg = text.getvalue()
@@ -216,7 +233,7 @@ def _at_least(axes: Axes, span: float) -> None:
         axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
 
 
-def _thin(x: Array, y: Array) -> tuple[Array, Array]:
+def thin(x: Array, y: Array) -> tuple[Array, Array]:
     """Return every n-th point, so that few enough are left; gaps may shrink but do not close."""
     stride = -(-len(x) // MOST_POINTS)
     if stride <= 1:

@@ -19,7 +19,10 @@ from pilotage.errors import InputError, PilotageError
 from pilotage.evaluation import plots
 from pilotage.evaluation.course import Course, course_of, truth_in_view
 from pilotage.evaluation.evaluate import Comparison, evaluate_results
+from pilotage.evaluation.judge_plots import draw_pair_errors
+from pilotage.evaluation.judge_report import alone_table, figure_card, judge_sections
 from pilotage.evaluation.metrics import SegmentError
+from pilotage.evaluation.several import Several, paths_in_view, read_several
 from pilotage.evaluation.verdict import (
     calibration_words,
     failure_words,
@@ -57,6 +60,7 @@ table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 10
 th, td { text-align: left; padding: 4px 10px; border-bottom: 1px solid #e6e8eb; font-weight: 400;
   vertical-align: top; }
 thead th { color: #555; font-size: 13px; }
+.stop { color: #D55E00; font-weight: 600; }
 .number { text-align: right; white-space: nowrap; }
 pre { overflow-x: auto; font-size: 13px; margin: 8px 0 0; }
 details { margin-top: 10px; }
@@ -91,6 +95,7 @@ def _recording(results: Results) -> dict[str, Any]:
 def _sections(results: Results, comparison: Comparison | None) -> Iterable[str]:
     summary = results.summary
     course = course_of(results.records, summary.get("body", "left"))
+    several = read_several(results)
     yield _head(results)
     if "pairs" in summary:
         yield _verdict(summary)
@@ -98,10 +103,13 @@ def _sections(results: Results, comparison: Comparison | None) -> Iterable[str]:
         yield _numbers(summary)
     else:
         yield _warnings(["The run was killed: this is what was known when it ended."])
-    yield from _figures(course, comparison)
+    if several is not None:
+        yield from judge_sections(several, summary)
+    yield from _figures(course, comparison, several)
     yield _pictures(results)
     if comparison is not None:
         yield _truth_tables(comparison)
+        yield alone_table(comparison)
     if "pairs" in summary:
         yield _reasons(summary)
     yield _appendix(results)
@@ -120,8 +128,11 @@ def _head(results: Results) -> str:
 
 def _verdict(summary: dict[str, Any]) -> str:
     failure = failure_words(summary)
-    is_bad = failure is not None or summary["calibration_check"]["verdict"] == "inconsistent"
-    said = [tracking_words(summary), calibration_words(summary["calibration_check"])]
+    must_stop = summary.get("judge", {}).get("stops", 0) > 0
+    is_misfit = summary["calibration_check"]["verdict"] == "inconsistent"
+    is_bad = failure is not None or is_misfit or must_stop
+    check = summary["calibration_check"]
+    said = [tracking_words(summary), check.get("message") or calibration_words(check)]
     if failure is not None:
         said.insert(0, failure[0].upper() + failure[1:])
     paragraphs = "".join(f"<p>{escape(sentence)}</p>" for sentence in said)
@@ -152,28 +163,28 @@ def _numbers(summary: dict[str, Any]) -> str:
     return f"<div class='numbers'>{cards}</div>"
 
 
-def _figures(course: Course, comparison: Comparison | None) -> Iterable[str]:
+def _figures(
+    course: Course, comparison: Comparison | None, several: Several | None
+) -> Iterable[str]:
     if course.is_lost.all():
         yield "<p class='card'>There is no pose to draw.</p>"
         return
     truth_m = None if comparison is None else truth_in_view(course, comparison)
     yield "<h2>Path from above</h2><div class='figures'>"
-    yield _figure(plots.draw_path(course, truth_m), "path from above", wide=True)
+    pairs_m = None if several is None else paths_in_view(course, several)
+    yield figure_card(plots.draw_path(course, truth_m, pairs_m), "path from above", wide=True)
     if comparison is not None:
-        yield _figure(plots.draw_errors(course, comparison), "error over distance")
-    yield _figure(plots.draw_height(course, truth_m), "height over distance")
-    yield _figure(plots.draw_speed(course), "speed over time")
-    yield _figure(plots.draw_matches(course), "matches and inliers over time")
-    yield _figure(plots.draw_residuals(course), "residual and y-parallax over time")
-    yield _figure(plots.draw_deviation(course), "uncertainty over time")
+        yield figure_card(plots.draw_errors(course, comparison), "error over distance")
+        if comparison.alone:
+            yield figure_card(draw_pair_errors(comparison), "error of each pair alone")
+    yield figure_card(plots.draw_height(course, truth_m), "height over distance")
+    yield figure_card(plots.draw_speed(course), "speed over time")
+    yield figure_card(plots.draw_matches(course), "matches and inliers over time")
+    yield figure_card(plots.draw_residuals(course), "residual and y-parallax over time")
+    yield figure_card(plots.draw_deviation(course), "uncertainty over time")
     yield "</div>"
     if course.is_lost.any():
         yield "<p class='made'>Shaded: no pose. Dotted: the straight line over a gap.</p>"
-
-
-def _figure(svg: str, name: str, *, wide: bool = False) -> str:
-    kind = "card wide" if wide else "card"
-    return f"<figure class='{kind}' role='img' aria-label='{escape(name)}'>{svg}</figure>"
 
 
 def _pictures(results: Results) -> str:
@@ -182,8 +193,9 @@ def _pictures(results: Results) -> str:
     if not path.exists():
         return ""
     data = base64.b64encode(path.read_bytes()).decode()
+    whose = "cameras" if "judge" in results.summary else "camera"
     return (
-        "<h2>What the left camera saw</h2><figure class='card wide'>"
+        f"<h2>What the left {whose} saw</h2><figure class='card wide'>"
         f"<img alt='pictures over time' src='data:image/jpeg;base64,{data}'></figure>"
     )
 

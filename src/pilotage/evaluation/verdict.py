@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pilotage.reasons import reason_remedy, reason_words
 
 if TYPE_CHECKING:
+    from pilotage.evaluation.evaluate import Comparison
     from pilotage.evaluation.metrics import Metrics
 
 
@@ -77,6 +79,26 @@ def failure_words(summary: Mapping[str, Any]) -> str | None:
         return "nothing was tracked: too few pairs could be read"
     reason = next(iter(reasons))
     return f"nothing was tracked: {reason_words(reason)}. {reason_remedy(reason)}"
+
+
+def alone_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """Return a row for the joint trajectory and for each stereo pair alone.
+
+    Name, pairs with a pose, error at the end, rms and largest distance after alignment.
+    """
+    rows: list[tuple[str, ...]] = []
+    for name, one in (("joined", comparison), *comparison.alone.items()):
+        if one is None:
+            rows.append((name, "none to compare", "", "", ""))
+            continue
+        metrics = one.metrics
+        end = f"{metrics.end_error_percent:.3f} %"
+        if not math.isfinite(metrics.end_error_percent):
+            end = f"{metrics.end_error_m:.4f} m"
+        posed = f"{metrics.pairs - metrics.lost} of {metrics.pairs}"
+        ate = (f"{1e3 * metrics.ate_rmse_m:.2f} mm", f"{1e3 * metrics.ate_max_m:.2f} mm")
+        rows.append((name, posed, end, *ate))
+    return rows
 
 
 def metric_rows(metrics: Metrics) -> list[tuple[str, str]]:

@@ -23,7 +23,13 @@ from pilotage.recordings.mcap_index import (
     read_index,
 )
 from pilotage.recordings.mcap_motion import read_poses
-from pilotage.recordings.mcap_pairs import NO_PARTNER, choose_pair, find_pairs, match_pictures
+from pilotage.recordings.mcap_pairs import (
+    NO_PARTNER,
+    choose_pair,
+    find_pairs,
+    match_pictures,
+    silent_pairs,
+)
 from pilotage.recordings.mcap_pictures import decode_message
 from pilotage.recordings.mcap_records import DamageError
 from pilotage.recordings.mcap_rig import ROBOT_FRAMES, read_frames, read_rig
@@ -34,6 +40,7 @@ from pilotage.recordings.mcap_writer import (
 )
 from pilotage.recordings.pairs import PAIRS_CHECKED, SizeError, check_size, steady_times
 from pilotage.recordings.pictures import PictureError
+from pilotage.recordings.recording import OpenedPairs, Recording
 
 
 class McapRecording:
@@ -50,11 +57,12 @@ class McapRecording:
         calibration: Path | None,
         rate_hz: float | None,
         pair: str | None = None,
+        topics: dict[str, Topic] | None = None,
     ) -> None:
         self.name = path.resolve().name if path.is_dir() else path.stem
         self.path = path
         self._file = find_file(path)
-        self._topics = read_index(self._file)
+        self._topics = read_index(self._file) if topics is None else topics
         pairs = find_pairs(self._topics)
         self.pairs = tuple(pairs)
         self.pair = choose_pair(self._topics, pair, self._file)
@@ -74,6 +82,20 @@ class McapRecording:
     ) -> McapRecording:
         """Open the stereo pair of that name; InputError lists those there are."""
         return cls(path, calibration, rate_hz, pair)
+
+    @classmethod
+    def open_pairs(cls, path: Path, calibration: Path | None, rate_hz: float | None) -> OpenedPairs:
+        """Open every stereo pair that can be used, the file read once."""
+        topics = read_index(find_file(path))
+        names = (choose_pair(topics, None, path, may_guess=True), *find_pairs(topics))
+        sound: dict[str, Recording] = {}
+        left_out = silent_pairs(topics)
+        for name in dict.fromkeys(names):
+            try:
+                sound[name] = cls(path, calibration, rate_hz, name, topics)
+            except InputError as error:
+                left_out[name] = str(error)
+        return OpenedPairs(sound, left_out)
 
     @staticmethod
     def recognises(path: Path) -> bool:
@@ -123,7 +145,7 @@ class McapRecording:
         left, right = (f"{camera}/camera_info" for camera in self._cameras[:2])
         infos = {name: self._topics[name].first[0] for name in (left, right) if self._has(name)}
         if calibration is not None:
-            return load_rig(calibration), self._cameras.left.rpartition("/")[2]
+            return load_rig(calibration, pair=self.pair), self._cameras.left.rpartition("/")[2]
         for name in (left, right):
             if name not in infos:
                 raise InputError(f"{self._file}: has no {name}; give a calibration (--calibration)")

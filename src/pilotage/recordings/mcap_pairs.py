@@ -15,6 +15,7 @@ from pilotage.errors import InputError
 from pilotage.recordings import ros_messages as ros
 from pilotage.recordings.mcap_index import Topic
 from pilotage.recordings.mcap_writer import LEFT, RIGHT
+from pilotage.recordings.recording import NAMELESS
 
 # Cameras of a pair fire together; a small offset is the clock's, a larger one another picture.
 PAIR_TOLERANCE_NS = 2_000_000
@@ -22,7 +23,7 @@ PICTURE_TOPIC = re.compile(r"(?P<camera>/.+?)/image(_raw|_mono|_color)?(?P<packe
 # How the names of a left and a right camera end.
 SIDE_WORDS = (("left", "right"), ("cam0", "cam1"), ("infra1", "infra2"))
 FORWARD_WORDS = ("front", "forward")  # how the name of a pair that looks ahead begins
-NAMELESS = "stereo"  # a pair of `/left` and `/right`
+INFO = "/camera_info"
 NO_PARTNER = -1
 
 
@@ -63,10 +64,33 @@ def find_pairs(topics: Mapping[str, Topic]) -> dict[str, Cameras]:
     return pairs
 
 
-def choose_pair(topics: Mapping[str, Topic], wanted: str | None, file: Path) -> str:
+def silent_pairs(topics: Mapping[str, Topic]) -> dict[str, str]:
+    """Return the stereo pairs that are calibrated but cannot be one, by name, and why."""
+    pictures, pairs = picture_topics(topics), find_pairs(topics)
+    told = {name.removesuffix(INFO) for name in topics if name.endswith(INFO)} | set(pictures)
+    silent: dict[str, str] = {}
+    for left_camera in sorted(told):
+        for left, right in SIDE_WORDS:
+            partner = left_camera.removesuffix(left) + right
+            name = left_camera.removesuffix(left).strip("/_-.") or NAMELESS
+            if not left_camera.endswith(left) or partner not in told or name in pairs:
+                continue
+            missing = [camera for camera in (left_camera, partner) if camera not in pictures]
+            silent[name] = (
+                f"holds no picture of {' and '.join(missing)}; look at the camera and its cable"
+                if missing
+                else f"the times of {left_camera} and {partner} have nothing in common"
+            )
+    return silent
+
+
+def choose_pair(
+    topics: Mapping[str, Topic], wanted: str | None, file: Path, *, may_guess: bool = False
+) -> str:
     """Return the name of the wanted pair; without a wish the only one, or the one looking ahead.
 
-    InputError lists the pairs there are, or the cameras where there is no pair.
+    Where none is said to look ahead, `may_guess` takes the first. InputError lists the pairs there
+    are, or the cameras where there is no pair.
     """
     pairs = find_pairs(topics)
     if not pairs:
@@ -82,7 +106,7 @@ def choose_pair(topics: Mapping[str, Topic], wanted: str | None, file: Path) -> 
             raise InputError(f"{file}: holds no stereo pair {wanted!r}; there are: {names}")
         return wanted
     forward = [name for word in FORWARD_WORDS for name in pairs if name.startswith(word)]
-    if not forward and len(pairs) > 1:
+    if not forward and len(pairs) > 1 and not may_guess:
         raise InputError(
             f"{file}: holds {len(pairs)} stereo pairs ({names}), and none is called front; "
             "choose one (--pair)"

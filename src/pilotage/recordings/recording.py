@@ -4,16 +4,25 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 from pilotage import StereoRig
 from pilotage.errors import InputError
 from pilotage.recordings.frames import BadFrame, StereoFrame, Truth
 
-__all__ = ["BadFrame", "Recording", "StereoFrame", "Truth", "open_recording"]
+__all__ = [
+    "BadFrame",
+    "OpenedPairs",
+    "Recording",
+    "StereoFrame",
+    "Truth",
+    "open_pairs",
+    "open_recording",
+]
 
 # Tried in this order, each imported when its turn comes; outside packages come after, through
 # entry points of this group.
@@ -25,6 +34,8 @@ FORMATS = {
     "images": "pilotage.recordings.images:ImagesRecording",
 }
 ENTRY_POINTS = "pilotage.recordings"
+NAMELESS = "stereo"  # what the only pair of a recording without names is called
+Opened = TypeVar("Opened")
 
 
 class Recording(Protocol):
@@ -60,6 +71,19 @@ class Format(Protocol):
         """Open; InputError when the content does not hold what the names promise."""
 
 
+@dataclass(frozen=True)
+class OpenedPairs:
+    """The stereo pairs of a recording by name: those that can be used, and why others cannot."""
+
+    sound: Mapping[str, Recording]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all, the sound ones first."""
+        return (*self.sound, *self.left_out)
+
+
 @runtime_checkable
 class PairsFormat(Protocol):
     """A format whose recordings may hold several stereo pairs, each with a name."""
@@ -68,6 +92,16 @@ class PairsFormat(Protocol):
         self, path: Path, calibration: Path | None, rate_hz: float | None, pair: str
     ) -> Recording:
         """Open the pair of that name; InputError lists those there are."""
+
+
+@runtime_checkable
+class AllPairsFormat(Protocol):
+    """A format that opens all its stereo pairs at once."""
+
+    def open_pairs(
+        self, path: Path, calibration: Path | None, rate_hz: float | None
+    ) -> OpenedPairs:
+        """Open every pair that can be used; InputError where there is no pair at all."""
 
 
 def open_recording(
@@ -83,6 +117,40 @@ def open_recording(
     `pair` names the stereo pair, by default the one that looks ahead.
     Raises InputError naming the file, the value and the remedy.
     """
+
+    def opened(found: Format, source: Path, given: Path | None) -> Recording:
+        return _open(found, source, given, rate_hz, pair)
+
+    return _with_format(path, calibration, rate_hz, opened)
+
+
+def open_pairs(
+    path: str | Path,
+    *,
+    calibration: str | Path | None = None,
+    rate_hz: float | None = None,
+) -> OpenedPairs:
+    """Open every stereo pair of a recording; a pair without a name is called `stereo`.
+
+    A pair that cannot be used is told with the reason; InputError where the recording as a whole
+    is none.
+    """
+
+    def opened(found: Format, source: Path, given: Path | None) -> OpenedPairs:
+        if isinstance(found, AllPairsFormat):
+            return found.open_pairs(source, given, rate_hz)
+        return OpenedPairs({NAMELESS: found(source, given, rate_hz)})
+
+    return _with_format(path, calibration, rate_hz, opened)
+
+
+def _with_format(
+    path: str | Path,
+    calibration: str | Path | None,
+    rate_hz: float | None,
+    opened: Callable[[Format, Path, Path | None], Opened],
+) -> Opened:
+    """Return what `opened` makes of the format that `path` is of, path and calibration."""
     source = Path(path)
     if rate_hz is not None and not 1e-3 <= rate_hz <= 1e5:
         raise InputError(f"rate_hz = {rate_hz}: must lie from 0.001 to 100000 pictures a second")
@@ -92,7 +160,7 @@ def open_recording(
         for recording_format in _formats():
             if recording_format.recognises(source):
                 given = None if calibration is None else Path(calibration)
-                return _open(recording_format, source, given, rate_hz, pair)
+                return opened(recording_format, source, given)
     except (OSError, ValueError) as error:  # no permission, a zero byte in a name
         raise InputError(f"{str(source)!r}: cannot be read ({error}); check the path") from error
     looked_for = "; ".join(f.looks_for for f in _formats())
