@@ -212,6 +212,23 @@ def test_an_error_of_all_goes_on_with_everything_written(yard_pairs: Path, tmp_p
     assert len(read_pose_table(tmp_path / "out" / "poses.csv")) == 20
 
 
+def test_an_error_of_the_run_itself_keeps_what_was_computed(yard_pairs: Path, tmp_path: Path):
+    def break_down(done: int, record: PoseRecord, words: str) -> None:
+        if done >= 15:
+            raise RuntimeError("the screen is gone")
+
+    with pytest.raises(RuntimeError, match="screen"):
+        localize_joint(
+            choice=chosen(yard_pairs),
+            judge=UserConfig().judge(),
+            out=tmp_path / "out",
+            on_instant=break_down,
+        )
+    summary = summary_of(tmp_path / "out")
+    assert (summary["state"], summary["error"]) == ("failed", "the screen is gone")
+    assert 14 <= len(read_pose_table(tmp_path / "out" / "poses.csv")) < 40
+
+
 def test_an_interrupt_keeps_what_was_computed(yard_pairs: Path, tmp_path: Path):
     def stop(done: int, record: PoseRecord, words: str) -> None:
         assert "using" in words

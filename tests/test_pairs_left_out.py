@@ -12,10 +12,12 @@ import yaml
 from pair_recordings import rewritten
 from typer.testing import CliRunner
 
+from pilotage import StereoRig, Transform
 from pilotage.behaviors.choice import choose
 from pilotage.cli.main import app
 from pilotage.config import UserConfig
 from pilotage.errors import InputError
+from pilotage.recordings import open_recording
 
 
 def call(*arguments: object) -> Any:
@@ -80,6 +82,32 @@ def test_a_pair_whose_calibration_cannot_be_is_left_out(
     assert done.exit_code == 0, done.output
     assert "The stereo pair down is left out" in said(done)
     assert why in said(done), said(done)
+
+
+def test_cameras_exchanged_in_the_recording_itself(yard_pairs: Path, tmp_path: Path):
+    wrong = {("down_left", "down_right"): Transform(translation_m=[-0.058, 0, 0])}
+    file = rewritten(yard_pairs, tmp_path / "exchanged.mcap", statics=wrong)
+    done = call("localize", file, "-o", tmp_path / "out", "--no-report", "--end", "8")
+    assert done.exit_code == 0, done.output
+    assert "The stereo pair down is left out" in said(done)
+    assert "lies left of the left one" in said(done)
+
+
+def test_a_pair_that_does_not_say_where_it_sits(yard_pairs: Path, tmp_path: Path):
+    rig = open_recording(yard_pairs, pair="down").rig
+    bare = StereoRig(left=rig.left, right=rig.right, right_from_left=rig.right_from_left)
+    file = rewritten(yard_pairs, tmp_path / "bare.mcap", rigs={"down": bare})
+    few = ["--no-report", "--end", "8"]
+    done = call("localize", file, "-o", tmp_path / "ahead", *few)
+    assert done.exit_code == 0, done.output
+    assert "judge" not in summary_of(tmp_path / "ahead")
+    done = call("localize", file, "-o", tmp_path / "joint", "--use", "joint", *few)
+    assert "The stereo pair down is left out: nothing says where it sits" in said(done)
+    # Its name tells that it looks down.
+    done = call("localize", file, "-o", tmp_path / "down", "--use", "down", *few)
+    assert done.exit_code == 0, done.output
+    used = yaml.safe_load((tmp_path / "down" / "config.yaml").read_text())
+    assert used["front_end"] == "grid"
 
 
 def test_without_a_sound_pair_nothing_is_done(yard_pairs: Path, tmp_path: Path):

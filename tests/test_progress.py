@@ -50,6 +50,15 @@ def test_a_terminal_shows_a_bar_to_the_last_pair(
     assert "━" in plain
 
 
+def test_a_terminal_tells_below_the_bar_whom_it_believes(yard_pairs: Path, tmp_path: Path):
+    command = [*PROGRAM, "localize", str(yard_pairs), "-o", str(tmp_path / "out"), "--no-report"]
+    code, text = seen_on_a_terminal(command)
+    assert code == 0, text
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text)
+    assert re.search(r"[\r\n]([^━\r\n]*; )?using (front|down)", plain)
+    assert "━" in plain
+
+
 def test_a_pipe_gets_lines_without_control_characters(
     synthetic_kitti: SyntheticRecording, tmp_path: Path
 ):

@@ -122,12 +122,20 @@ def _drain(track: PairTrack, thread: Thread) -> None:
 
 
 def adjust(tracks: Sequence[PairTrack]) -> list[list[Tracked]]:
-    """Adjust each pair's whole block, side by side, and return what it says of every picture."""
+    """Adjust each pair's whole block, side by side, and return what it says of every picture.
+
+    A fault is kept as the pair's `error`, and nothing returned of it.
+    """
 
     def adjusted(track: PairTrack) -> list[Tracked]:
         bad = {frame.index: frame for frame in track.skipped}
+        try:
+            finished = track.odometry.finish()
+        except Exception as error:
+            track.error = track.error or error
+            return []
         # A picture the odometry choked on may have a result but no index, hence not strict.
-        results = zip(track.indices, track.odometry.finish(), strict=False)
+        results = zip(track.indices, finished, strict=False)
         return [Tracked(track.number, index, result, bad.get(index)) for index, result in results]
 
     with ThreadPoolExecutor(max_workers=len(tracks)) as executor:

@@ -5,11 +5,15 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterable
 from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 from pilotage.pose_files import PoseRecord
 from pilotage.reasons import reason_words
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 SECONDS_BETWEEN_LINES = 5.0
 
@@ -79,12 +83,25 @@ class LineProgress:
 
 
 class BarProgress:
-    """A bar that is redrawn a few times a second, whatever the rate of pairs."""
+    """A bar that is redrawn a few times a second, whatever the rate of pairs.
+
+    Where several stereo pairs are judged, what is said of them stands on a line below.
+    """
 
     def __init__(self, name: str, pairs: int) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
+        from rich.progress import Progress as PlainBar
+        from rich.text import Text
+
+        self._words = Text(overflow="fold")
+        said = self._words
+
+        class Bar(PlainBar):
+            def get_renderables(self) -> Iterable[RenderableType]:
+                yield from super().get_renderables()
+                if said.plain:
+                    yield said
 
         self._bar = Bar(
             TextColumn("{task.description}"),
@@ -108,10 +125,13 @@ class BarProgress:
 
     def on_pair(self, done: int, record: PoseRecord, words: str = "") -> None:
         """Tell the bar; it redraws by its own clock."""
+        if words:
+            self._words.plain = words
+            self._words.style = "bold red" if record.status in {"lost", "skipped"} else ""
         self._bar.update(
             self._task,
             completed=done,
             rate=done / max(time.monotonic() - self._started, 1e-9),
-            status=status_words(record, words),
+            status=record.status if words else status_words(record),
             inliers=record.inliers,
         )
