@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: plan, drive, judgement and table of one benchmark, which nothing else uses.
 """How far off are the trajectories after simulated drives, over many worlds?
 
     python benchmarks/drives.py --drives 200 --out drives.jsonl

@@ -36,7 +36,7 @@ def data_folder() -> Path:
 def yard_pairs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated drive of 3 m round a yard, a pair that looks ahead and one that looks down."""
     out = tmp_path_factory.mktemp("pairs") / "yard"
-    drive = ["--path", "closed-3m", "--width", "160", "--rate-hz", "5", "--seed", "3"]
+    drive = ["--path", "closed-3m", "--width", "240", "--rate-hz", "5", "--seed", "3"]
     return _made(out, "simulate", "yard", "-o", str(out), "--ground", "grass", *drive)
 
 

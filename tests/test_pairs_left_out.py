@@ -61,7 +61,7 @@ def test_a_pair_that_cannot_be_used_is_left_out(
             "only side-by-side pairs",
         ),
         ({"right_from_left": {"quaternion_wxyz": [0.7660444, 0.6427876, 0, 0]}}, "share less than"),
-        ({"left": {"width_px": 200}, "right": {"width_px": 200}}, "the calibration is for 200x120"),
+        ({"left": {"width_px": 200}, "right": {"width_px": 200}}, "the calibration is for 200x180"),
         (None, "has no pair 'down'"),
     ],
 )

@@ -33,9 +33,11 @@ void Judge::join(Instant& now) {
       std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(), [](const PairVerdict& v) {
         return v.belief == Belief::joined && v.status == Status::tracking;
       });
+  // The paper's rule takes one of two; the other is not wrong for that.
   const bool is_disputed =
+      config_.rule == JudgeRule::chi_square &&
       std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(),
-                  [&](const PairVerdict& v) { return v.belief == Belief::disagrees; });
+                  [](const PairVerdict& v) { return v.belief == Belief::disagrees; });
   now.joint.status = is_sound && !is_disputed ? Status::tracking : Status::degraded;
 }
 
@@ -95,6 +97,14 @@ void Judge::begin(int pair, const Instant& now) {
   anchor(pair, here);
 }
 
+/// The pose is that of a stamp, which may be late.
+Matrix6d Judge::lateness(const Transform& joint, std::int64_t timestamp_ns) const {
+  if (!last_ns_) return Matrix6d::Zero();
+  const double elapsed_s = ns * static_cast<double>(timestamp_ns - *last_ns_);
+  const Vector6d late = config_.stamp_sigma_s / elapsed_s * difference_of(joint, last_pose_);
+  return late * late.transpose();
+}
+
 void Judge::average(const std::vector<char>& believed, Instant& now) {
   Matrix6d information = Matrix6d::Zero();
   Vector6d pull = Vector6d::Zero();
@@ -129,12 +139,7 @@ void Judge::average(const std::vector<char>& believed, Instant& now) {
   now.joint.covariance = now.path_covariance;
   now.joint.covariance.topLeftCorner<3, 3>() +=
       config_.scale_sigma * config_.scale_sigma * joint.translation * joint.translation.transpose();
-  if (last_ns_) {
-    // The pose is that of a stamp, which may be late.
-    const double elapsed_s = ns * static_cast<double>(now.timestamp_ns - *last_ns_);
-    const Vector6d late = config_.stamp_sigma_s / elapsed_s * difference_of(joint, last_pose_);
-    now.joint.covariance += late * late.transpose();
-  }
+  now.joint.covariance += lateness(joint, now.timestamp_ns);
   last_pose_ = joint;
   last_covariance_ = now.path_covariance;
   last_ns_ = now.timestamp_ns;

@@ -136,6 +136,7 @@ class Judge {
   void anchor_all(const std::vector<char>& believed, const Instant& now);
   bool is_carried(int pair, const Instant& now) const;
   void begin(int pair, const Instant& now);
+  Matrix6d lateness(const Transform& joint, std::int64_t timestamp_ns) const;
   void average(const std::vector<char>& believed, Instant& now);
   void anchor(int pair, const Instant& at);
   void trim(std::int64_t timestamp_ns);
