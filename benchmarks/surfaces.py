@@ -132,16 +132,26 @@ def spectrum_slope(picture: Array) -> float:
     return float(np.polyfit(np.log(middles), 0.5 * np.log(mean), 1)[0])
 
 
-def measure(name: str, view: View) -> None:
-    """Print a row of the table."""
+def camera_of(view: View) -> Callable[[Array, int], Array]:
+    """Return what makes a picture of a view's light; its noise follows from the number."""
     sensor = Sensor(vignetting=0.0)
     exposer, lens = Exposer(sensor, light=1.0), Lens(sensor.blur_px, [3])
     imager = Imager(sensor, np.random.default_rng(3))
-    views = [view(0, 0, 0), view(*SHIFT, 0), view(0, 0, TURN_DEG)]
-    exposer.regulate(float(views[0].mean()))
+    exposer.regulate(float(view(0, 0, 0).mean()))
+
+    def expose(light: Array, number: int) -> Array:
+        seen = lens.pass_on(np.asarray(light, np.float32), WELL)
+        return imager.expose(seen, exposer, seed=number)
+
+    return expose
+
+
+def measure(name: str, view: View) -> None:
+    """Print a row of the table."""
+    expose = camera_of(view)
     first, shifted, turned = (
-        imager.expose(lens.pass_on(np.asarray(seen, np.float32), WELL), exposer, seed=number)
-        for number, seen in enumerate(views)
+        expose(view(*moved), number)
+        for number, moved in enumerate([(0, 0, 0), (*SHIFT, 0), (0, 0, TURN_DEG)])
     )
     peak, second, found = correlation_peaks(first, shifted)
     share, count = sift_share(first, turned)

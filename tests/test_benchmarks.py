@@ -110,7 +110,7 @@ def test_drives_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
         file.write('{"number": 1, "end_m": 0.0')  # cut off
     both = run_benchmark("drives.py", "--drives", 2, *few)
     assert both.returncode == 0, both.stdout + both.stderr
-    assert "| all | 2 |" in both.stdout
+    assert "| all | joint | 2 |" in both.stdout
     assert "[2/2]" in both.stderr
     assert "[1/2]" not in both.stderr
     other = run_benchmark("drives.py", "--drives", 2, *few, "--camera", "ideal")

@@ -221,4 +221,19 @@ std::vector<Matrix6d> BlockProfile::inverse_diagonal() const {
   return diagonal;
 }
 
+std::vector<Matrix6d> BlockProfile::solved_inverse_diagonal() const {
+  std::vector<Matrix6d> diagonal(size());
+  std::vector<Vector8> column(size());
+  for (int i = 0; i < size(); ++i) {
+    for (int k = 0; k < 6; ++k) {
+      std::fill(column.begin(), column.end(), Vector8{});
+      column[i].lanes[k] = 1;
+      solve(column);
+      for (int r = 0; r < 6; ++r) diagonal[i](r, k) = column[i].lanes[r];
+    }
+    diagonal[i] = 0.5 * (diagonal[i] + diagonal[i].transpose().eval());
+  }
+  return diagonal;
+}
+
 }  // namespace pilotage

@@ -6,6 +6,12 @@
 #include <numeric>
 
 namespace pilotage {
+namespace {
+
+/// Of so few poses covariances come by recursion.
+constexpr int short_path = 20;
+
+}  // namespace
 
 BundleSystem::BundleSystem(const BundleProblem& problem, const BundleOptions& options)
     : problem_(problem), loss_(options.loss), layout_(problem), team_(options.threads) {
@@ -190,7 +196,9 @@ std::vector<Matrix6d> BundleSystem::pose_covariances(const BundleState& state,
     }
     offset_variance = 1.0 / std::max(information, kWideInformation);
   }
-  const std::vector<Matrix6d> free = reduced_.inverse_diagonal();
+  const std::vector<Matrix6d> free = reduced_.size() > short_path
+                                         ? reduced_.solved_inverse_diagonal()
+                                         : reduced_.inverse_diagonal();
   std::vector<Matrix6d> covariances(state.world_from_left.size(), Matrix6d::Zero());
   for (std::size_t i = 0; i < free.size(); ++i) {
     Vector6d v;
