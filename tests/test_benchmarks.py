@@ -118,6 +118,20 @@ def test_drives_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
     assert "give another" in other.stderr
 
 
+def test_correlation_prints_its_tables() -> None:
+    done = run_benchmark("correlation.py", "--surfaces", "gravel")
+    assert done.returncode == 0, done.stdout + done.stderr
+    row = next(line for line in done.stdout.splitlines() if line.startswith("| gravel, 0.7 mm"))
+    _, _, peak, rival, nodes, rms, bias, motions, _, _ = (word.strip() for word in row.split("|"))
+    assert float(peak) > 0.8
+    assert float(rival) < 0.9
+    assert nodes == "100 %"
+    assert float(rms) < 0.15
+    assert float(bias) < 0.05
+    assert motions == "12 of 12"
+    assert "matchTemplate" in done.stdout
+
+
 def test_rendering_and_surfaces_print_their_tables() -> None:
     arguments = ["--width", 160, "--steps", 5, "--grounds", "soil"]
     done = run_benchmark("rendering.py", *arguments)
