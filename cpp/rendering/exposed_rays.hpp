@@ -11,6 +11,7 @@
 namespace pilotage::PILOTAGE_ARCH {
 
 constexpr float pi = 3.14159265f;
+static_assert(count == group_of_rays);
 
 /// Where the rays of a row start, relative to the view's centre, and the turn of its camera, in the
 /// middle of the exposure; and how both change from its begin to its end.
@@ -131,11 +132,21 @@ inline void ExposedRays::fill(int column, int row, PixelRays& pixels) const {
     return Vectors{splat(v.x()), splat(v.y()), splat(v.z())};
   };
   const Vectors direction = from(0, 0);
+  // Beside a pixel where the lens has no inverse the change is known from the other side.
+  const auto change = [&](const Vectors& before, const Vectors& after) {
+    const Ints is_first = before.x != before.x, is_last = after.x != after.x;
+    const auto between = [&](const Floats& here, const Floats& b, const Floats& a) {
+      return (is_last ? here : a) - (is_first ? here : b);
+    };
+    const Floats share = is_first | is_last ? splat(1) : splat(0.5f);
+    return share * Vectors{between(direction.x, before.x, after.x),
+                           between(direction.y, before.y, after.y),
+                           between(direction.z, before.z, after.z)};
+  };
   pixels.rays = {splats(pose.origin), turned(pose.world_from_camera, direction)};
   pixels.over_time = {splats(pose.origin_over_time), turned(pose.turn_over_time, direction)};
-  const Floats half = splat(0.5f);
-  pixels.per_x = turned(pose.world_from_camera, half * (from(1, 0) - from(-1, 0)));
-  pixels.per_y = turned(pose.world_from_camera, half * (from(0, 1) - from(0, -1)));
+  pixels.per_x = turned(pose.world_from_camera, change(from(-1, 0), from(1, 0)));
+  pixels.per_y = turned(pose.world_from_camera, change(from(0, -1), from(0, 1)));
 }
 
 /// A group's rays at another time of the exposure, -0.5 to 0.5.

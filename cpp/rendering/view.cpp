@@ -5,15 +5,17 @@
 
 namespace pilotage {
 
-CameraRays::CameraRays(const Camera& camera)
-    : width_(camera.width_px), height_(camera.height_px), stride_(camera.width_px + 2) {
+CameraRays::CameraRays(const Camera& camera) : width_(camera.width_px), height_(camera.height_px) {
   camera.validate();
-  // Whole registers are read beyond the last row.
-  const std::size_t size = static_cast<std::size_t>(stride_) * (height_ + 2) + 64;
+  // A group that ends beyond the picture goes on as the lens does: it is shaded by a lane of them.
+  const int last = (width_ + group_of_rays - 1) / group_of_rays * group_of_rays;
+  stride_ = last + 2;
+  // Whole groups are read from any pixel on.
+  const std::size_t size = static_cast<std::size_t>(stride_) * (height_ + 2) + group_of_rays;
   x_.assign(size, std::numeric_limits<float>::quiet_NaN());
   y_ = z_ = x_;
   for (int row = -1; row <= height_; ++row) {
-    for (int column = -1; column <= width_; ++column) {
+    for (int column = -1; column <= last; ++column) {
       const auto ray = camera.unproject(Eigen::Vector2d(column, row));
       if (!ray) continue;
       const std::ptrdiff_t at = offset(row) + column;

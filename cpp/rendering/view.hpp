@@ -9,6 +9,9 @@
 
 namespace pilotage {
 
+/// So many rays are worked on together.
+inline constexpr int group_of_rays = 16;
+
 /// Unit rays of a camera's pixels, through the very lens model that the odometry uses; with a
 /// border of one pixel, so that each pixel knows how its ray changes.
 class CameraRays {
@@ -16,7 +19,8 @@ class CameraRays {
   explicit CameraRays(const Camera& camera);
   int width() const { return width_; }
   int height() const { return height_; }
-  /// Pixels -1 to width and -1 to height; NaN where the lens model has no inverse.
+  /// Pixels -1 to width, which is rounded up to whole groups, and -1 to height; NaN where the lens
+  /// model has no inverse.
   const float* x(int row) const { return x_.data() + offset(row); }
   const float* y(int row) const { return y_.data() + offset(row); }
   const float* z(int row) const { return z_.data() + offset(row); }
@@ -25,7 +29,7 @@ class CameraRays {
   std::ptrdiff_t offset(int row) const { return (row + 1) * stride_ + 1; }
 
   int width_, height_;
-  std::ptrdiff_t stride_;
+  std::ptrdiff_t stride_ = 0;
   std::vector<float> x_, y_, z_;
 };
 
