@@ -18,6 +18,8 @@ constexpr double learning = 0.05;
 constexpr double largest_excess = 4;
 /// Over a short way each single error counts: the limit is so many times wider.
 constexpr double beginner = 10;
+/// Who was set aside must agree over such a part of the way over which it did not.
+constexpr double least_way = 0.5;
 /// How implausible it makes a pair to be degraded, or to have been set aside.
 constexpr double degraded_cost = 10, set_aside_cost = 10;
 
@@ -40,27 +42,35 @@ double Judge::chi_square_of(const Motion& a, const Motion& b, double elapsed_s,
   return difference.dot(covariance.ldlt().solve(difference));
 }
 
-/// Fills in differences and which pairs agree with which: a matrix row by row.
-void Judge::compare(Instant& now, std::vector<char>& agrees) {
+/// Says who agrees with whom; fills in the differences of the verdicts.
+Judge::Comparison Judge::compare(Instant& now) {
   const std::size_t n = sources_.size();
-  agrees.assign(n * n, 1);
+  Comparison seen{std::vector<char>(n * n, 1), std::vector<Vector6d>(n * n, Vector6d::Zero()),
+                  std::vector<double>(n, 0)};
   const Instant* start = window_start(now.timestamp_ns);
-  if (!start) return;
+  if (!start) return seen;
   const double elapsed_s = ns * static_cast<double>(now.timestamp_ns - start->timestamp_ns);
   // Covariances may be too small, but not by any factor.
   const double excess = std::clamp(usual_chi_square_ / 6, 1.0, largest_excess);
   const double limit = limit_ * excess * (elapsed_s < 0.5 * config_.window_s ? beginner : 1.0);
   std::vector<std::optional<Motion>> motions;
-  for (std::size_t i = 0; i < n; ++i)
+  for (std::size_t i = 0; i < n; ++i) {
     motions.push_back(motion_of(static_cast<int>(i), *start, now));
+    if (motions[i]) seen.ways[i] = transform_log(motions[i]->before_from_now).norm();
+  }
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t j = i + 1; j < n; ++j) {
       if (!motions[i] || !motions[j]) continue;
       Vector6d difference;
       const double chi_square = chi_square_of(*motions[i], *motions[j], elapsed_s, difference);
-      agrees[i * n + j] = agrees[j * n + i] = chi_square < limit;
+      seen.agrees[i * n + j] = seen.agrees[j * n + i] = chi_square < limit;
+      seen.differences[i * n + j] = seen.differences[j * n + i] = difference;
       if (chi_square < limit) {
         usual_chi_square_ = (1 - learning) * usual_chi_square_ + learning * chi_square;
+      }
+      if (chi_square < limit && sources_[i].is_believed && sources_[j].is_believed) {
+        usual_difference2_ =
+            (1 - learning) * usual_difference2_ + learning * difference.cwiseAbs2();
       }
       for (const std::size_t k : {i, j}) {
         PairVerdict& verdict = now.joint.pairs[k];
@@ -70,6 +80,7 @@ void Judge::compare(Instant& now, std::vector<char>& agrees) {
       }
     }
   }
+  return seen;
 }
 
 /// How unlike the motion before the worst move of a pair within the window was, in mean squares.
@@ -121,8 +132,7 @@ double Judge::implausibility(int pair, const Instant& now) const {
 
 void Judge::choose_by_chi_square(Instant& now) {
   const std::size_t n = sources_.size();
-  std::vector<char> agrees;
-  compare(now, agrees);
+  const Comparison seen = compare(now);
   std::vector<double> costs(n, 0);
   unsigned candidates = 0;
   for (std::size_t i = 0; i < n; ++i) {
@@ -141,7 +151,7 @@ void Judge::choose_by_chi_square(Instant& now) {
       if (!(set >> i & 1u)) continue;
       cost = std::max(cost, costs[i]);
       for (std::size_t j = i + 1; j < n; ++j) {
-        is_one = is_one && (!(set >> j & 1u) || agrees[i * n + j]);
+        is_one = is_one && (!(set >> j & 1u) || seen.agrees[i * n + j]);
       }
     }
     const int size = std::popcount(set), best = std::popcount(chosen);
@@ -149,11 +159,25 @@ void Judge::choose_by_chi_square(Instant& now) {
     chosen = set;
     chosen_cost = cost;
   }
-  believe(chosen, candidates, now);
+  believe(chosen, candidates, seen, now);
+}
+
+/// Whether one who was set aside moves with those who are believed as closely as sound pairs do,
+/// over as long a way as it did not. Covariances alone may have grown so wide that they hide what
+/// it was set aside for, and of a camera that was turned nothing is seen while the robot stands.
+bool Judge::agrees_as_usual(int pair, unsigned chosen, const Comparison& seen) const {
+  const std::size_t n = sources_.size(), i = static_cast<std::size_t>(pair);
+  if (seen.ways[i] < least_way * sources_[i].way_apart) return false;
+  for (std::size_t j = 0; j < n; ++j) {
+    if (j == i || !(chosen >> j & 1u) || !sources_[j].is_believed) continue;
+    const Vector6d squares = seen.differences[i * n + j].cwiseAbs2();
+    if (squares.cwiseQuotient(usual_difference2_).sum() > limit_) return false;
+  }
+  return true;
 }
 
 /// Sets aside whom the others contradict, or who began anew; takes back who agreed for long enough.
-void Judge::believe(unsigned chosen, unsigned candidates, Instant& now) {
+void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen, Instant& now) {
   const std::size_t n = sources_.size();
   const Instant* start = window_start(now.timestamp_ns);
   bool anyone_believed = false;
@@ -164,7 +188,9 @@ void Judge::believe(unsigned chosen, unsigned candidates, Instant& now) {
     const bool is_tested = !start || motion_of(static_cast<int>(i), *start, now);
     const bool fits = chosen >> i & 1u;
     if (is_new || !fits) source.is_believed = false;
-    if (is_new || !fits || !is_tested) source.agreeing_since_ns = now.timestamp_ns;
+    if (!fits) source.way_apart = seen.ways[i];
+    const bool is_usual = source.is_believed || agrees_as_usual(static_cast<int>(i), chosen, seen);
+    if (is_new || !fits || !is_tested || !is_usual) source.agreeing_since_ns = now.timestamp_ns;
     source.segment = now.sights[i].segment;
     anyone_believed |= fits && source.is_believed;
   }
@@ -182,8 +208,7 @@ void Judge::believe(unsigned chosen, unsigned candidates, Instant& now) {
 /// The rover paper's choice: where dX, dY or dZ between the cameras is not what was calibrated, the
 /// trajectory whose y-parallax is smaller.
 void Judge::choose_by_m_q(Instant& now) {
-  std::vector<char> agrees;
-  compare(now, agrees);
+  compare(now);
   std::size_t best = sources_.size();
   bool differs = false;
   for (std::size_t i = 0; i < sources_.size(); ++i) {

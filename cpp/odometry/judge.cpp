@@ -12,6 +12,8 @@ namespace pilotage {
 namespace {
 
 constexpr double ns = 1e-9;
+/// Until it is known how far sound pairs differ: metres, radians.
+constexpr double first_difference = 0.01;
 
 /// Value that a chi-square variable of six degrees of freedom stays below with this probability.
 double chi_square_limit(double probability) {
@@ -32,6 +34,7 @@ Judge::Judge(int pairs, const JudgeConfig& config)
       sources_(static_cast<std::size_t>(std::max(0, pairs))),
       decided_ns_(std::numeric_limits<std::int64_t>::min() / 2),
       usual_chi_square_(6),
+      usual_difference2_(Vector6d::Constant(first_difference * first_difference)),
       usual_jerk2_(Vector6d::Zero()) {
   if (pairs < 1) throw std::invalid_argument("judge: at least one pair is needed");
 }

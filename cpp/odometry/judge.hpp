@@ -98,6 +98,7 @@ class Judge {
     bool is_believed = true;
     bool was_joined = false;  ///< at the last instant
     std::int64_t agreeing_since_ns = 0;
+    double way_apart = 0;  ///< how far it moved within the window when it was last set aside
     double usual_m_q = 0, usual_inliers = 0;
     /// Joint world from the pair's own, fixed when it was believed, and what was known then.
     std::optional<Transform> joint_from_own;
@@ -116,17 +117,24 @@ class Judge {
     Transform before_from_now;
     Matrix6d covariance;  ///< about the robot's axes at the end: position, rotation
   };
+  /// Motions of all pairs over the window against each other: matrices row by row.
+  struct Comparison {
+    std::vector<char> agrees;
+    std::vector<Vector6d> differences;
+    std::vector<double> ways;  ///< how far each pair moved
+  };
 
   bool is_decidable(std::int64_t timestamp_ns) const;
   std::vector<JointResult> decide_ready(bool is_last);
   JointResult decide(std::int64_t timestamp_ns);
   std::optional<Motion> motion_of(int pair, const Instant& from, const Instant& to) const;
   const Instant* window_start(std::int64_t timestamp_ns) const;
-  void compare(Instant& now, std::vector<char>& agrees);
+  Comparison compare(Instant& now);
   double chi_square_of(const Motion& a, const Motion& b, double elapsed_s,
                        Vector6d& difference) const;
   void choose_by_chi_square(Instant& now);
-  void believe(unsigned chosen, unsigned candidates, Instant& now);
+  void believe(unsigned chosen, unsigned candidates, const Comparison& seen, Instant& now);
+  bool agrees_as_usual(int pair, unsigned chosen, const Comparison& seen) const;
   void choose_by_m_q(Instant& now);
   static Vector6d joint_twist(const Instant& from, const Instant& to);
   double worst_move(int pair, const Instant& now) const;
@@ -148,8 +156,9 @@ class Judge {
   std::deque<std::int64_t> waiting_;
   std::int64_t decided_ns_;
   int segment_ = 0;
-  double usual_chi_square_;  ///< of those that agree
-  Vector6d usual_jerk2_;     ///< mean square of how the twist changes from instant to instant
+  double usual_chi_square_;     ///< of those that agree
+  Vector6d usual_difference2_;  ///< mean square of those of pairs that are believed
+  Vector6d usual_jerk2_;        ///< mean square of how the twist changes from instant to instant
   Transform last_pose_;
   Matrix6d last_covariance_ = Matrix6d::Zero();
   std::optional<std::int64_t> last_ns_;  ///< of that pose
