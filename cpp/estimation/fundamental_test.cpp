@@ -58,7 +58,7 @@ struct Limits {
   double kept, wrong, m_q_off;  ///< at least, at most as a share of the blunders, at most in pixels
 };
 
-BOOST_AUTO_TEST_CASE(blunders_are_found_and_good_matches_kept) {
+BOOST_AUTO_TEST_CASE(blunders_are_found_and_good_matches_kept, *boost::unit_test::label("slow")) {
   Limits strict{{}, 0.98, 0.03, 0.05};
   strict.options.threshold_px = 1.5;
   strict.options.rejection = 3;
@@ -138,7 +138,7 @@ BOOST_AUTO_TEST_CASE(degenerate_motions_and_scenes_lose_no_good_match) {
 
 /// Nine in ten of the good matches on one plane; among what lies off it, five in seven are wrong.
 /// Samples of eight lose some of the good ones in one trial of 40.
-BOOST_AUTO_TEST_CASE(a_few_good_points_off_a_plane_survive) {
+BOOST_AUTO_TEST_CASE(a_few_good_points_off_a_plane_survive, *boost::unit_test::label("slow")) {
   constexpr int trials = 400;
   Random random(34);
   int losing = 0;

@@ -146,7 +146,7 @@ BOOST_AUTO_TEST_CASE(common_motion_stays_unknown) {
   }
 }
 
-BOOST_AUTO_TEST_CASE(sliding_window_is_consistent) {
+BOOST_AUTO_TEST_CASE(sliding_window_is_consistent, *boost::unit_test::label("slow")) {
   double sum = 0;
   const int runs = 30;
   for (int run = 0; run < runs; ++run) {

@@ -7,7 +7,7 @@
 
 using namespace pilotage;
 
-BOOST_AUTO_TEST_CASE(random_numbers_repeat_and_are_uniform) {
+BOOST_AUTO_TEST_CASE(random_numbers_repeat_and_are_uniform, *boost::unit_test::label("slow")) {
   Random a(7), b(7), c(8);
   std::array<int, 6> counts{};
   bool seeds_differ = false;

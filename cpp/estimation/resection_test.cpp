@@ -118,7 +118,7 @@ BOOST_AUTO_TEST_CASE(point_covariance_equals_the_numeric_one) {
   BOOST_TEST((computed - expected).norm() < 1e-5 * expected.norm());
 }
 
-BOOST_AUTO_TEST_CASE(nees_lies_in_its_99_percent_band) {
+BOOST_AUTO_TEST_CASE(nees_lies_in_its_99_percent_band, *boost::unit_test::label("slow")) {
   Random random(3);
   const int trials = 1500;
   double sum = 0;

@@ -22,7 +22,7 @@ Landmark make_point(int i) {
 
 }  // namespace
 
-BOOST_AUTO_TEST_CASE(long_paths_stay_bounded_and_evenly_covered) {
+BOOST_AUTO_TEST_CASE(long_paths_stay_bounded_and_evenly_covered, *boost::unit_test::label("slow")) {
   constexpr int count = 450'000;
   Block block;
   for (int i = 0; i < count; ++i) {

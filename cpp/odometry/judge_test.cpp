@@ -112,7 +112,7 @@ Transform tilted(const Transform& pose, double degrees) {
 
 }  // namespace
 
-BOOST_AUTO_TEST_CASE(pairs_that_agree_are_better_together) {
+BOOST_AUTO_TEST_CASE(pairs_that_agree_are_better_together, *boost::unit_test::label("slow")) {
   double alone2 = 0, joint2 = 0;
   int disputed = 0, instants = 0;
   for (unsigned seed = 0; seed < 30; ++seed) {

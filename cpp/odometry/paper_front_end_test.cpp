@@ -160,7 +160,7 @@ BOOST_AUTO_TEST_CASE(finds_nothing_in_an_empty_picture) {
   BOOST_TEST(scene.front_end.find(scene.window, pair, scene.stereo, {}).empty());
 }
 
-BOOST_AUTO_TEST_CASE(the_same_pictures_give_the_same_bits) {
+BOOST_AUTO_TEST_CASE(the_same_pictures_give_the_same_bits, *boost::unit_test::label("slow")) {
   const Eigen::Vector3d place_m(0.05, 0, 0);
   Scene first, second;
   first.find({-0.05, 0, 0}, {-0.05, 0, 0});  // what came before does not matter

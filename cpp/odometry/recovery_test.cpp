@@ -50,14 +50,14 @@ BOOST_AUTO_TEST_CASE(a_far_view_is_found_again) {
   }
 }
 
-BOOST_AUTO_TEST_CASE(another_place_is_not_taken_for_this_one) {
+BOOST_AUTO_TEST_CASE(another_place_is_not_taken_for_this_one, *boost::unit_test::label("slow")) {
   Recovery recovery(stereo, OdometryConfig{});
   BOOST_TEST(!recovery.find(view({}, {}, 1)).has_value());
   recovery.set_reference(view({}, {}, 1));
   BOOST_TEST(!recovery.find(view(other_wall(), {}, 1)).has_value());
 }
 
-BOOST_AUTO_TEST_CASE(a_new_reference_replaces_the_old_one) {
+BOOST_AUTO_TEST_CASE(a_new_reference_replaces_the_old_one, *boost::unit_test::label("slow")) {
   const SyntheticWall wall;
   Recovery recovery(stereo, OdometryConfig{});
   recovery.set_reference(view(wall, {}, 1));

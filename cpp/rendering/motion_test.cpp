@@ -90,7 +90,8 @@ std::pair<double, double> differences(const Scene& scene, const Motion& motion, 
 
 }  // namespace
 
-BOOST_AUTO_TEST_CASE(a_moving_camera_sees_the_mean_of_many_still_ones) {
+BOOST_AUTO_TEST_CASE(a_moving_camera_sees_the_mean_of_many_still_ones,
+                     *boost::unit_test::label("slow")) {
   const Scene scene = make_scene();
   for (const auto& [begin, end] : {std::pair{0.0, 0.0}, {-0.7, 0.7}}) {
     const auto [by_slow, still_slow] = differences(scene, slow, begin, end);

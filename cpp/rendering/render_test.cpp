@@ -243,7 +243,7 @@ double nearest_triangle(const Triangles& mesh, const Vector3d& origin, const Vec
   return nearest;
 }
 
-BOOST_AUTO_TEST_CASE(of_many_triangles_the_nearest_is_seen) {
+BOOST_AUTO_TEST_CASE(of_many_triangles_the_nearest_is_seen, *boost::unit_test::label("slow")) {
   std::mt19937 random(9);
   std::normal_distribution<float> normal;
   const auto draw = [&] { return Eigen::Vector3f(normal(random), normal(random), normal(random)); };
@@ -271,7 +271,8 @@ BOOST_AUTO_TEST_CASE(of_many_triangles_the_nearest_is_seen) {
   BOOST_CHECK_GE(agreeing, camera.width_px * camera.height_px - 3);
 }
 
-BOOST_AUTO_TEST_CASE(surface_tiles_are_found_until_there_are_too_many) {
+BOOST_AUTO_TEST_CASE(surface_tiles_are_found_until_there_are_too_many,
+                     *boost::unit_test::label("slow")) {
   SurfaceTiles tiles;
   const auto make = [](int x) {
     auto tile = std::make_unique<SurfaceTiles::Tile>();

@@ -75,13 +75,14 @@ Outcome match_views(double zoom, double angle, const InterestOptions& options) {
 
 }  // namespace
 
-BOOST_AUTO_TEST_CASE(interest_points_match_across_scales) {
+BOOST_AUTO_TEST_CASE(interest_points_match_across_scales, *boost::unit_test::label("slow")) {
   const Outcome outcome = match_views(1.6, 0, {});
   BOOST_TEST(outcome.right > 60);
   BOOST_TEST(outcome.wrong < outcome.right / 2);
 }
 
-BOOST_AUTO_TEST_CASE(interest_points_match_across_rolls_when_oriented) {
+BOOST_AUTO_TEST_CASE(interest_points_match_across_rolls_when_oriented,
+                     *boost::unit_test::label("slow")) {
   InterestOptions options;
   options.is_oriented = true;
   const Outcome outcome = match_views(1, 0.9, options);
@@ -89,7 +90,7 @@ BOOST_AUTO_TEST_CASE(interest_points_match_across_rolls_when_oriented) {
   BOOST_TEST(outcome.wrong < outcome.right / 2);
 }
 
-BOOST_AUTO_TEST_CASE(interest_points_fill_every_list_alike) {
+BOOST_AUTO_TEST_CASE(interest_points_fill_every_list_alike, *boost::unit_test::label("slow")) {
   const Features f = describe_interest_points(render(Wall(), 1, 0).view());
   BOOST_TEST(f.points_px.size() > 200U);
   BOOST_TEST(f.levels.size() == f.points_px.size());

@@ -73,7 +73,7 @@ BOOST_AUTO_TEST_CASE(alignment_in_a_row_leaves_y_alone) {
   BOOST_TEST(std::sqrt(squares / found) < 0.06);
 }
 
-BOOST_AUTO_TEST_CASE(sigma_is_that_of_the_errors_made) {
+BOOST_AUTO_TEST_CASE(sigma_is_that_of_the_errors_made, *boost::unit_test::label("slow")) {
   // Noise in both pictures: what the alignment leaves unexplained is both together.
   const double noise_grey = 6;
   double normalised2 = 0, in_row2 = 0;

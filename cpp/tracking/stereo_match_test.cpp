@@ -70,7 +70,8 @@ BOOST_AUTO_TEST_CASE(stereo_match_recovers_disparity_and_y_parallax) {
   }
 }
 
-BOOST_AUTO_TEST_CASE(stereo_match_finds_nothing_outside_of_its_range_or_in_other_pictures) {
+BOOST_AUTO_TEST_CASE(stereo_match_finds_nothing_outside_of_its_range_or_in_other_pictures,
+                     *boost::unit_test::label("slow")) {
   const Image left = render(0, 0, 1), right = render(60, 0, 2);
   StereoMatchOptions options;
   options.max_disparity_px = 40;
@@ -106,7 +107,8 @@ BOOST_AUTO_TEST_CASE(stereo_match_refuses_a_pattern_that_repeats) {
   }
 }
 
-BOOST_AUTO_TEST_CASE(stereo_match_survives_points_at_edges_and_outside) {
+BOOST_AUTO_TEST_CASE(stereo_match_survives_points_at_edges_and_outside,
+                     *boost::unit_test::label("slow")) {
   const Image left = render(0, 0, 1), right = render(5, 0, 2);
   const std::vector<Eigen::Vector2f> points = {{0, 0},     {-50, 10},  {319, 119}, {5, 3},
                                                {314, 116}, {160, 200}, {4.6F, 60}, {1e30F, NAN}};
