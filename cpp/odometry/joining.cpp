@@ -5,15 +5,9 @@
 
 #include "odometry/judge.hpp"
 #include "odometry/motion_covariance.hpp"
+#include "odometry/seconds.hpp"
 
 namespace pilotage {
-namespace {
-
-constexpr double ns = 1e-9;
-/// Unseen, a robot may have moved so fast, and turned anyhow.
-constexpr double gap_speed_m_s = 1.0, gap_rotation_rad = 1.0;
-
-}  // namespace
 
 /// Averages the poses of those that are believed.
 void Judge::join(Instant& now) {
@@ -81,18 +75,13 @@ bool Judge::is_carried(int pair, const Instant& now) const {
 /// Nobody saw the way here: the path goes on where it ended, with as little trust.
 void Judge::begin(int pair, const Instant& now) {
   Instant here = now;
-  const bool is_first = !last_ns_;
-  here.joint.world_from_robot =
-      is_first ? now.sights[static_cast<std::size_t>(pair)].world_from_robot : last_pose_;
-  here.path_covariance = last_covariance_;
-  if (!is_first && segment_began_ns_ != now.timestamp_ns) {
+  here.joint.world_from_robot = now.sights[static_cast<std::size_t>(pair)].world_from_robot;
+  if (last_ns_) {
+    if (segment_began_ns_ != now.timestamp_ns) ++segment_;
     segment_began_ns_ = now.timestamp_ns;
-    ++segment_;
-  }
-  if (!is_first) {
-    const double unseen_m = gap_speed_m_s * ns * static_cast<double>(now.timestamp_ns - *last_ns_);
-    here.path_covariance.diagonal().head<3>().array() += unseen_m * unseen_m;
-    here.path_covariance.diagonal().tail<3>().array() += gap_rotation_rad * gap_rotation_rad;
+    here.joint.world_from_robot = last_pose_;
+    const double gap_s = seconds_between(*last_ns_, now.timestamp_ns);
+    here.path_covariance = after_gap(last_covariance_, gap_speed_m_s * gap_s);
   }
   anchor(pair, here);
 }
@@ -100,7 +89,7 @@ void Judge::begin(int pair, const Instant& now) {
 /// The pose is that of a stamp, which may be late.
 Matrix6d Judge::lateness(const Transform& joint, std::int64_t timestamp_ns) const {
   if (!last_ns_) return Matrix6d::Zero();
-  const double elapsed_s = ns * static_cast<double>(timestamp_ns - *last_ns_);
+  const double elapsed_s = seconds_between(*last_ns_, timestamp_ns);
   const Vector6d late = config_.stamp_sigma_s / elapsed_s * difference_of(joint, last_pose_);
   return late * late.transpose();
 }
