@@ -27,12 +27,7 @@ void Judge::join(Instant& now) {
       std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(), [](const PairVerdict& v) {
         return v.belief == Belief::joined && v.status == Status::tracking;
       });
-  // The paper's rule takes one of two; the other is not wrong for that.
-  const bool is_disputed =
-      config_.rule == JudgeRule::chi_square &&
-      std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(),
-                  [](const PairVerdict& v) { return v.belief == Belief::disagrees; });
-  now.joint.status = is_sound && !is_disputed ? Status::tracking : Status::degraded;
+  now.joint.status = is_sound && !now.is_disputed ? Status::tracking : Status::degraded;
 }
 
 /// Those believed from now on go on together from the last instant that all of them saw: of the
@@ -48,10 +43,7 @@ void Judge::anchor_all(const std::vector<char>& believed, const Instant& now) {
     }
     return true;
   };
-  const bool is_disputed =
-      std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(),
-                  [](const PairVerdict& v) { return v.belief == Belief::disagrees; });
-  if (is_disputed && start && suits(*start)) {
+  if (now.is_disputed && start && suits(*start)) {
     from = start;
   } else {
     for (const Instant& instant : instants_) from = suits(instant) ? &instant : from;
@@ -69,7 +61,7 @@ void Judge::anchor_all(const std::vector<char>& believed, const Instant& now) {
 /// Whether a pair's place in the joint world is still known from when it was believed.
 bool Judge::is_carried(int pair, const Instant& now) const {
   const auto p = static_cast<std::size_t>(pair);
-  return sources_[p].joint_from_own && sources_[p].anchor_segment == now.sights[p].segment;
+  return sources_[p].joint_from_own && sources_[p].anchor.segment == now.sights[p].segment;
 }
 
 /// Nobody saw the way here: the path goes on where it ended, with as little trust.
@@ -138,7 +130,6 @@ void Judge::anchor(int pair, const Instant& at) {
   Source& source = sources_[static_cast<std::size_t>(pair)];
   const Sight& sight = at.sights[static_cast<std::size_t>(pair)];
   source.joint_from_own = *at.joint.world_from_robot * sight.world_from_robot.inverse();
-  source.anchor_segment = sight.segment;
   source.anchor = sight;
   source.joint_covariance = at.path_covariance;
 }
