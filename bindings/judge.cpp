@@ -21,7 +21,8 @@ using namespace nb::literals;
 void bind_results(nb::module_& m) {
   nb::enum_<Belief>(m, "Belief", "What the judge makes of one stereo pair at an instant.")
       .value("joined", Belief::joined, "Believed.")
-      .value("disagrees", Belief::disagrees, "Moves otherwise than the others.")
+      .value("disagrees", Belief::disagrees,
+             "Moves otherwise than the others; by the paper's rule: is not chosen.")
       .value("lost", Belief::lost, "Gives no pose; its reason says why.")
       .value("absent", Belief::absent, "Gives no pictures.");
   nb::class_<PairVerdict>(m, "PairVerdict", "What one stereo pair contributes at an instant.")

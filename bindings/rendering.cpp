@@ -171,9 +171,7 @@ void bind_scene(nb::module_& m) {
            "world_from_shape"_a, "data"_a = -1, "texture_scale"_a = std::array<double, 3>{1, 1, 1},
            "Sizes as MuJoCo's geom; data: which height field or mesh; texture_scale: repeats of a "
            "texture over the shape (a metre of height fields, endless planes and meshes without "
-           "places), of "
-           "a "
-           "cube's the scale of the directions. Throws ValueError.")
+           "places), of a cube's the scale of the directions. Throws ValueError.")
       .def("set_pose", &Scene::set_pose, "shape"_a, "world_from_shape"_a)
       .def(
           "set_light", &set_light, nb::kw_only(), "to_sun"_a, "sun"_a, "sky"_a, "background"_a,

@@ -114,6 +114,13 @@ def test_the_papers_choice_is_no_dispute():
     assert tell(None, chosen, PAPER).is_disputed
     assert happenings([spare], NAMES, PAPER) == []
     assert "differ by 0.2 m" in words_of([chosen], NAMES, PAPER)
+    # The limit is that of an axis; and who agrees again is not watched for it.
+    askew = verdict("disagrees", difference=(0.04, 0.04, 0, 0, 0, 0), chi_square=100)
+    assert not tell(None, at(0, verdict(), askew), PAPER).is_disputed
+    again = at(2, verdict(), near)
+    assert "not chosen" in words_of([chosen, again], NAMES, PAPER)
+    (told,) = happenings([spare, chosen, again], NAMES, PAPER)
+    assert (told.start_ns, told.end_ns) == (10**9, 10**9)
 
 
 def test_happenings_are_the_stretches_with_the_worst_of_each():

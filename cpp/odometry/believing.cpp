@@ -7,11 +7,11 @@
 
 #include "odometry/judge.hpp"
 #include "odometry/motion_covariance.hpp"
+#include "odometry/seconds.hpp"
 
 namespace pilotage {
 namespace {
 
-constexpr double ns = 1e-9;
 /// What an even drive's twist changes by from instant to instant at the least: m/s, rad/s.
 constexpr double quiet_m_s = 0.02, quiet_rad_s = 0.02;
 constexpr double learning = 0.05;
@@ -49,7 +49,7 @@ Judge::Comparison Judge::compare(Instant& now) {
                   std::vector<double>(n, 0)};
   const Instant* start = window_start(now.timestamp_ns);
   if (!start) return seen;
-  const double elapsed_s = ns * static_cast<double>(now.timestamp_ns - start->timestamp_ns);
+  const double elapsed_s = seconds_between(start->timestamp_ns, now.timestamp_ns);
   // Covariances may be too small, but not by any factor.
   const double excess = std::clamp(usual_chi_square_ / 6, 1.0, largest_excess);
   const double limit = limit_ * excess * (elapsed_s < 0.5 * config_.window_s ? beginner : 1.0);
@@ -89,11 +89,13 @@ double Judge::worst_move(int pair, const Instant& now) const {
   for (std::size_t k = 2; k < instants_.size() + 1; ++k) {
     const Instant& here = k < instants_.size() ? instants_[k] : now;
     const Instant &before = instants_[k - 1], &earlier = instants_[k - 2];
-    const std::optional<Motion> motion = motion_of(pair, before, here);
-    if (!motion || !earlier.joint.world_from_robot || !before.joint.world_from_robot) continue;
-    const double step_s = ns * static_cast<double>(here.timestamp_ns - before.timestamp_ns);
+    if (!sees_both(pair, before, here) || !earlier.joint.world_from_robot ||
+        !before.joint.world_from_robot) {
+      continue;
+    }
+    const double step_s = seconds_between(before.timestamp_ns, here.timestamp_ns);
     const Vector6d change =
-        transform_log(motion->before_from_now) / step_s - joint_twist(earlier, before);
+        transform_log(before_from_now(pair, before, here)) / step_s - joint_twist(earlier, before);
     double move = 0;
     for (int axis = 0; axis < 6; ++axis) {
       const double quiet = axis < 3 ? quiet_m_s : quiet_rad_s;
@@ -133,33 +135,45 @@ double Judge::implausibility(int pair, const Instant& now) const {
 void Judge::choose_by_chi_square(Instant& now) {
   const std::size_t n = sources_.size();
   const Comparison seen = compare(now);
-  std::vector<double> costs(n, 0);
   unsigned candidates = 0;
+  for (std::size_t i = 0; i < n; ++i) candidates |= now.sights[i].has_pose ? 1u << i : 0u;
+  const bool all_agree = is_agreed(candidates, seen);
+  believe(all_agree ? candidates : most_plausible(candidates, seen, now), candidates, seen, now);
+}
+
+/// Whether all pairs of a set agree with each other.
+bool Judge::is_agreed(unsigned set, const Comparison& seen) {
+  const std::size_t n = seen.ways.size();
   for (std::size_t i = 0; i < n; ++i) {
-    if (!now.sights[i].has_pose) continue;
-    candidates |= 1u << i;
-    costs[i] = implausibility(static_cast<int>(i), now);
+    for (std::size_t j = i + 1; j < n; ++j) {
+      if ((set >> i & 1u) && (set >> j & 1u) && !seen.agrees[i * n + j]) return false;
+    }
   }
-  // The largest set that agrees; of equal ones the most plausible.
+  return true;
+}
+
+/// The largest set of candidates that agrees; of equal ones the most plausible.
+unsigned Judge::most_plausible(unsigned candidates, const Comparison& seen,
+                               const Instant& now) const {
+  const std::size_t n = sources_.size();
+  std::vector<double> costs(n, 0);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (candidates >> i & 1u) costs[i] = implausibility(static_cast<int>(i), now);
+  }
   unsigned chosen = 0;
   double chosen_cost = std::numeric_limits<double>::infinity();
   for (unsigned set = 1; set < 1u << n; ++set) {
-    if ((set & candidates) != set) continue;
-    bool is_one = true;
+    if ((set & candidates) != set || !is_agreed(set, seen)) continue;
     double cost = 0;
     for (std::size_t i = 0; i < n; ++i) {
-      if (!(set >> i & 1u)) continue;
-      cost = std::max(cost, costs[i]);
-      for (std::size_t j = i + 1; j < n; ++j) {
-        is_one = is_one && (!(set >> j & 1u) || seen.agrees[i * n + j]);
-      }
+      if (set >> i & 1u) cost = std::max(cost, costs[i]);
     }
     const int size = std::popcount(set), best = std::popcount(chosen);
-    if (!is_one || size < best || (size == best && cost >= chosen_cost)) continue;
+    if (size < best || (size == best && cost >= chosen_cost)) continue;
     chosen = set;
     chosen_cost = cost;
   }
-  believe(chosen, candidates, seen, now);
+  return chosen;
 }
 
 /// Whether one who was set aside moves with those who are believed as closely as sound pairs do,
@@ -185,7 +199,7 @@ void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen
     if (!(candidates >> i & 1u)) continue;
     Source& source = sources_[i];
     const bool is_new = source.segment >= 0 && source.segment != now.sights[i].segment;
-    const bool is_tested = !start || motion_of(static_cast<int>(i), *start, now);
+    const bool is_tested = !start || sees_both(static_cast<int>(i), *start, now);
     const bool fits = chosen >> i & 1u;
     if (is_new || !fits) source.is_believed = false;
     if (!fits) source.way_apart = seen.ways[i];
@@ -197,11 +211,13 @@ void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen
   for (std::size_t i = 0; i < n; ++i) {
     if (!(candidates >> i & 1u)) continue;
     Source& source = sources_[i];
-    const double agreed_s = ns * static_cast<double>(now.timestamp_ns - source.agreeing_since_ns);
+    const double agreed_s = seconds_between(source.agreeing_since_ns, now.timestamp_ns);
     if ((chosen >> i & 1u) && (!anyone_believed || agreed_s >= config_.rejoin_s)) {
       source.is_believed = true;
     }
-    if (!source.is_believed) now.joint.pairs[i].belief = Belief::disagrees;
+    if (source.is_believed) continue;
+    now.joint.pairs[i].belief = Belief::disagrees;
+    now.is_disputed = true;
   }
 }
 
@@ -210,15 +226,14 @@ void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen
 void Judge::choose_by_m_q(Instant& now) {
   compare(now);
   std::size_t best = sources_.size();
-  bool differs = false;
   for (std::size_t i = 0; i < sources_.size(); ++i) {
     if (!now.sights[i].has_pose) continue;
     const Eigen::Vector3d apart_m = now.joint.pairs[i].difference.head<3>();
-    differs |= apart_m.cwiseAbs().maxCoeff() > config_.paper_limit_m;
+    now.is_disputed |= apart_m.cwiseAbs().maxCoeff() > config_.paper_limit_m;
     if (best == sources_.size() || now.sights[i].m_q < now.sights[best].m_q) best = i;
   }
   // While they do not differ, what was chosen before goes on.
-  if (!differs) {
+  if (!now.is_disputed) {
     for (std::size_t i = 0; i < sources_.size(); ++i) {
       if (now.sights[i].has_pose && sources_[i].is_believed) {
         best = i;
@@ -235,7 +250,7 @@ void Judge::choose_by_m_q(Instant& now) {
 
 /// Of the joint path between two instants, both of which have a pose.
 Vector6d Judge::joint_twist(const Instant& from, const Instant& to) {
-  const double step_s = ns * static_cast<double>(to.timestamp_ns - from.timestamp_ns);
+  const double step_s = seconds_between(from.timestamp_ns, to.timestamp_ns);
   return transform_log(from.joint.world_from_robot->inverse() * *to.joint.world_from_robot) /
          step_s;
 }

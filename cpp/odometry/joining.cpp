@@ -5,15 +5,9 @@
 
 #include "odometry/judge.hpp"
 #include "odometry/motion_covariance.hpp"
+#include "odometry/seconds.hpp"
 
 namespace pilotage {
-namespace {
-
-constexpr double ns = 1e-9;
-/// Unseen, a robot may have moved so fast, and turned anyhow.
-constexpr double gap_speed_m_s = 1.0, gap_rotation_rad = 1.0;
-
-}  // namespace
 
 /// Averages the poses of those that are believed.
 void Judge::join(Instant& now) {
@@ -33,12 +27,7 @@ void Judge::join(Instant& now) {
       std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(), [](const PairVerdict& v) {
         return v.belief == Belief::joined && v.status == Status::tracking;
       });
-  // The paper's rule takes one of two; the other is not wrong for that.
-  const bool is_disputed =
-      config_.rule == JudgeRule::chi_square &&
-      std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(),
-                  [](const PairVerdict& v) { return v.belief == Belief::disagrees; });
-  now.joint.status = is_sound && !is_disputed ? Status::tracking : Status::degraded;
+  now.joint.status = is_sound && !now.is_disputed ? Status::tracking : Status::degraded;
 }
 
 /// Those believed from now on go on together from the last instant that all of them saw: of the
@@ -54,10 +43,7 @@ void Judge::anchor_all(const std::vector<char>& believed, const Instant& now) {
     }
     return true;
   };
-  const bool is_disputed =
-      std::any_of(now.joint.pairs.begin(), now.joint.pairs.end(),
-                  [](const PairVerdict& v) { return v.belief == Belief::disagrees; });
-  if (is_disputed && start && suits(*start)) {
+  if (now.is_disputed && start && suits(*start)) {
     from = start;
   } else {
     for (const Instant& instant : instants_) from = suits(instant) ? &instant : from;
@@ -75,24 +61,19 @@ void Judge::anchor_all(const std::vector<char>& believed, const Instant& now) {
 /// Whether a pair's place in the joint world is still known from when it was believed.
 bool Judge::is_carried(int pair, const Instant& now) const {
   const auto p = static_cast<std::size_t>(pair);
-  return sources_[p].joint_from_own && sources_[p].anchor_segment == now.sights[p].segment;
+  return sources_[p].joint_from_own && sources_[p].anchor.segment == now.sights[p].segment;
 }
 
 /// Nobody saw the way here: the path goes on where it ended, with as little trust.
 void Judge::begin(int pair, const Instant& now) {
   Instant here = now;
-  const bool is_first = !last_ns_;
-  here.joint.world_from_robot =
-      is_first ? now.sights[static_cast<std::size_t>(pair)].world_from_robot : last_pose_;
-  here.path_covariance = last_covariance_;
-  if (!is_first && segment_began_ns_ != now.timestamp_ns) {
+  here.joint.world_from_robot = now.sights[static_cast<std::size_t>(pair)].world_from_robot;
+  if (last_ns_) {
+    if (segment_began_ns_ != now.timestamp_ns) ++segment_;
     segment_began_ns_ = now.timestamp_ns;
-    ++segment_;
-  }
-  if (!is_first) {
-    const double unseen_m = gap_speed_m_s * ns * static_cast<double>(now.timestamp_ns - *last_ns_);
-    here.path_covariance.diagonal().head<3>().array() += unseen_m * unseen_m;
-    here.path_covariance.diagonal().tail<3>().array() += gap_rotation_rad * gap_rotation_rad;
+    here.joint.world_from_robot = last_pose_;
+    const double gap_s = seconds_between(*last_ns_, now.timestamp_ns);
+    here.path_covariance = after_gap(last_covariance_, gap_speed_m_s * gap_s);
   }
   anchor(pair, here);
 }
@@ -100,7 +81,7 @@ void Judge::begin(int pair, const Instant& now) {
 /// The pose is that of a stamp, which may be late.
 Matrix6d Judge::lateness(const Transform& joint, std::int64_t timestamp_ns) const {
   if (!last_ns_) return Matrix6d::Zero();
-  const double elapsed_s = ns * static_cast<double>(timestamp_ns - *last_ns_);
+  const double elapsed_s = seconds_between(*last_ns_, timestamp_ns);
   const Vector6d late = config_.stamp_sigma_s / elapsed_s * difference_of(joint, last_pose_);
   return late * late.transpose();
 }
@@ -149,7 +130,6 @@ void Judge::anchor(int pair, const Instant& at) {
   Source& source = sources_[static_cast<std::size_t>(pair)];
   const Sight& sight = at.sights[static_cast<std::size_t>(pair)];
   source.joint_from_own = *at.joint.world_from_robot * sight.world_from_robot.inverse();
-  source.anchor_segment = sight.segment;
   source.anchor = sight;
   source.joint_covariance = at.path_covariance;
 }

@@ -78,13 +78,24 @@ std::vector<JointResult> Judge::decide_ready(bool is_last) {
   return decided;
 }
 
-std::optional<Judge::Motion> Judge::motion_of(int pair, const Instant& from,
-                                              const Instant& to) const {
+/// Whether a pair tells how the robot moved between two instants.
+bool Judge::sees_both(int pair, const Instant& from, const Instant& to) {
   const Sight& a = from.sights[static_cast<std::size_t>(pair)];
   const Sight& b = to.sights[static_cast<std::size_t>(pair)];
-  if (!a.has_pose || !b.has_pose || a.segment != b.segment) return std::nullopt;
+  return a.has_pose && b.has_pose && a.segment == b.segment;
+}
+
+Transform Judge::before_from_now(int pair, const Instant& from, const Instant& to) {
+  const auto p = static_cast<std::size_t>(pair);
+  return from.sights[p].world_from_robot.inverse() * to.sights[p].world_from_robot;
+}
+
+std::optional<Judge::Motion> Judge::motion_of(int pair, const Instant& from, const Instant& to) {
+  if (!sees_both(pair, from, to)) return std::nullopt;
+  const Sight& a = from.sights[static_cast<std::size_t>(pair)];
+  const Sight& b = to.sights[static_cast<std::size_t>(pair)];
   const Eigen::Vector3d moved_m = b.world_from_robot.translation - a.world_from_robot.translation;
-  return Motion{a.world_from_robot.inverse() * b.world_from_robot,
+  return Motion{before_from_now(pair, from, to),
                 turned(since(b, a, moved_m), b.world_from_robot.rotation.conjugate())};
 }
 

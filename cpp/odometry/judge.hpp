@@ -47,7 +47,7 @@ struct JudgeConfig {
 
 enum class Belief {
   joined,     ///< believed
-  disagrees,  ///< sound by itself, but its motion is not that of the others
+  disagrees,  ///< sound by itself, but its motion is not that of the others; paper: not chosen
   lost,       ///< gives no pose; its own reason says why
   absent,     ///< gives no pictures
 };
@@ -102,8 +102,7 @@ class Judge {
     double usual_m_q = 0, usual_inliers = 0;
     /// Joint world from the pair's own, fixed when it was believed, and what was known then.
     std::optional<Transform> joint_from_own;
-    int segment = -1;  ///< that of the last sight
-    int anchor_segment = -1;
+    int segment = -1;           ///< that of the last sight
     Sight anchor;               ///< the pair's own then
     Matrix6d joint_covariance;  ///< of the joint pose then
   };
@@ -111,6 +110,7 @@ class Judge {
     std::int64_t timestamp_ns;
     std::vector<Sight> sights;
     JointResult joint;
+    bool is_disputed = false;  ///< a pair is set aside; by the paper's rule, pairs differ
     Matrix6d path_covariance = Matrix6d::Zero();  ///< without errors of scale
   };
   struct Motion {
@@ -127,14 +127,18 @@ class Judge {
   bool is_decidable(std::int64_t timestamp_ns) const;
   std::vector<JointResult> decide_ready(bool is_last);
   JointResult decide(std::int64_t timestamp_ns);
-  std::optional<Motion> motion_of(int pair, const Instant& from, const Instant& to) const;
+  static bool sees_both(int pair, const Instant& from, const Instant& to);
+  static Transform before_from_now(int pair, const Instant& from, const Instant& to);
+  static std::optional<Motion> motion_of(int pair, const Instant& from, const Instant& to);
   const Instant* window_start(std::int64_t timestamp_ns) const;
   Comparison compare(Instant& now);
   double chi_square_of(const Motion& a, const Motion& b, double elapsed_s,
                        Vector6d& difference) const;
   void choose_by_chi_square(Instant& now);
-  void believe(unsigned chosen, unsigned candidates, const Comparison& seen, Instant& now);
+  static bool is_agreed(unsigned set, const Comparison& seen);
+  unsigned most_plausible(unsigned candidates, const Comparison& seen, const Instant& now) const;
   bool agrees_as_usual(int pair, unsigned chosen, const Comparison& seen) const;
+  void believe(unsigned chosen, unsigned candidates, const Comparison& seen, Instant& now);
   void choose_by_m_q(Instant& now);
   static Vector6d joint_twist(const Instant& from, const Instant& to);
   double worst_move(int pair, const Instant& now) const;

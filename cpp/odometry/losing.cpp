@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part of StereoOdometry that deals with pairs that give no pose.
 #include "odometry/pair_check.hpp"
+#include "odometry/seconds.hpp"
 #include "odometry/stereo_odometry.hpp"
 
 namespace pilotage {
@@ -33,7 +34,7 @@ OdometryResult StereoOdometry::refuse(const Tracked& tracked, std::int64_t times
 }
 
 OdometryResult StereoOdometry::lose(const PyramidPair& pair, const Tracked& tracked) {
-  const double gap_s = 1e-9 * static_cast<double>(pair.timestamp_ns - previous_timestamp_ns_);
+  const double gap_s = seconds_between(previous_timestamp_ns_, pair.timestamp_ns);
   if (gap_s > config_.restart_after_s) {
     window_.clear(block_);
     return start(pair);

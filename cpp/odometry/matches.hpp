@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "odometry/row_motion.hpp"
@@ -42,5 +43,13 @@ inline void place_at_middle(const PyramidPair& pair, const RectifiedStereo& ster
 
 /// The `part`-th smallest value, 0.5 for the median; 0 of nothing.
 float quantile(std::vector<float> values, double part);
+/// The same of what `value_of` says of each.
+template <typename Things, typename ValueOf>
+float quantile_of(const Things& things, double part, ValueOf value_of) {
+  std::vector<float> values;
+  values.reserve(things.size());
+  for (const auto& thing : things) values.push_back(static_cast<float>(value_of(thing)));
+  return quantile(std::move(values), part);
+}
 
 }  // namespace pilotage

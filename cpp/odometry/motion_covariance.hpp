@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "odometry/pair_history.hpp"
+#include "odometry/path_covariance.hpp"
 
 namespace pilotage {
 
@@ -12,16 +13,14 @@ inline constexpr double motion_floor_m = 2e-4, motion_floor_rad = 2e-4;
 
 /// Covariance (world's axes) of a pose given an earlier one of the same segment.
 inline Matrix6d since(const Sight& now, const Sight& then, const Eigen::Vector3d& moved_m) {
-  Matrix6d carry = Matrix6d::Identity();
-  carry.topRightCorner<3, 3>() = -cross_matrix(moved_m);
-  const Matrix6d before = carry * (then.covariance - then.own_covariance) * carry.transpose();
+  const Matrix6d before = carried(then.covariance - then.own_covariance, moved_m);
   const Matrix6d difference = now.covariance - now.own_covariance - before;
   // Adjustments are no random walk: what they know of the difference may be less than nothing.
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(0.5 * (difference + difference.transpose()));
   const Vector6d positive = solver.eigenvalues().cwiseMax(0.0);
   Matrix6d sound =
       solver.eigenvectors() * positive.asDiagonal() * solver.eigenvectors().transpose();
-  sound += now.own_covariance + carry * then.own_covariance * carry.transpose();
+  sound += now.own_covariance + carried(then.own_covariance, moved_m);
   sound.diagonal().head<3>().array() += motion_floor_m * motion_floor_m;
   sound.diagonal().tail<3>().array() += motion_floor_rad * motion_floor_rad;
   return sound;
@@ -29,17 +28,8 @@ inline Matrix6d since(const Sight& now, const Sight& then, const Eigen::Vector3d
 
 /// The same along other axes.
 inline Matrix6d turned(const Matrix6d& covariance, const Eigen::Quaterniond& rotation) {
-  Matrix6d turn = Matrix6d::Zero();
-  turn.topLeftCorner<3, 3>() = rotation.toRotationMatrix();
-  turn.bottomRightCorner<3, 3>() = rotation.toRotationMatrix();
+  const Matrix6d turn = adjoint({rotation, Eigen::Vector3d::Zero()});
   return turn * covariance * turn.transpose();
-}
-
-/// The covariance of a pose as what it does to a pose further on.
-inline Matrix6d carried(const Matrix6d& covariance, const Eigen::Vector3d& moved_m) {
-  Matrix6d carry = Matrix6d::Identity();
-  carry.topRightCorner<3, 3>() = -cross_matrix(moved_m);
-  return carry * covariance * carry.transpose();
 }
 
 /// Position and rotation of `pose` less those of `from`, along the world's axes.

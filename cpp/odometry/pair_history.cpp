@@ -5,6 +5,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "odometry/seconds.hpp"
+
 namespace pilotage {
 namespace {
 
@@ -17,15 +19,11 @@ constexpr double unknown_period_s = 0.2;
 constexpr double nearly_there_s = 0.003;
 constexpr double there_s = 1e-6;
 
-double seconds(std::int64_t from_ns, std::int64_t to_ns) {
-  return 1e-9 * static_cast<double>(to_ns - from_ns);
-}
-
 }  // namespace
 
 void PairHistory::add(const OdometryResult& result) {
   if (!results_.empty()) {
-    const double elapsed_s = seconds(results_.back().timestamp_ns, result.timestamp_ns);
+    const double elapsed_s = seconds_between(results_.back().timestamp_ns, result.timestamp_ns);
     if (elapsed_s <= 0) throw std::invalid_argument("judge: the times of a pair must rise");
     // Pictures that are missing make no period longer for long.
     period_s_ = period_s_ > 0 ? std::min(1.05 * period_s_, elapsed_s) : elapsed_s;
@@ -47,13 +45,13 @@ std::optional<std::int64_t> PairHistory::newest_ns() const {
 
 bool PairHistory::is_silent_at(std::int64_t timestamp_ns, const PairHistory& other) const {
   if (results_.empty()) return other.count_ > 2;
-  return seconds(results_.back().timestamp_ns, timestamp_ns) > silent_periods * period_s();
+  return seconds_between(results_.back().timestamp_ns, timestamp_ns) > silent_periods * period_s();
 }
 
 bool PairHistory::is_known_at(std::int64_t timestamp_ns, std::int64_t newest_ns) const {
-  if (seconds(timestamp_ns, newest_ns) > silent_periods * period_s()) return true;
+  if (seconds_between(timestamp_ns, newest_ns) > silent_periods * period_s()) return true;
   return !results_.empty() &&
-         seconds(results_.back().timestamp_ns, timestamp_ns) < same_instant * period_s();
+         seconds_between(results_.back().timestamp_ns, timestamp_ns) < same_instant * period_s();
 }
 
 Sight PairHistory::at(std::int64_t timestamp_ns) const {
@@ -66,8 +64,8 @@ Sight PairHistory::at(std::int64_t timestamp_ns) const {
   if (after == results_.end()) --after;
   const OdometryResult& b = *after;
   const OdometryResult& a = after == results_.begin() ? b : *(after - 1);
-  const double after_a_s = seconds(a.timestamp_ns, timestamp_ns);
-  const double after_b_s = seconds(b.timestamp_ns, timestamp_ns);
+  const double after_a_s = seconds_between(a.timestamp_ns, timestamp_ns);
+  const double after_b_s = seconds_between(b.timestamp_ns, timestamp_ns);
   const OdometryResult& nearest = std::abs(after_a_s) < std::abs(after_b_s) ? a : b;
   const double away_s = std::min(std::abs(after_a_s), std::abs(after_b_s));
   if (away_s > silent_periods * period_s()) return sight;
@@ -82,7 +80,7 @@ Sight PairHistory::at(std::int64_t timestamp_ns) const {
            nearest.segment_covariance,
            nearest.own_covariance};
   if (!nearest.world_from_robot) return sight;
-  const double span_s = seconds(a.timestamp_ns, b.timestamp_ns);
+  const double span_s = seconds_between(a.timestamp_ns, b.timestamp_ns);
   const bool has_motion = a.world_from_robot && b.world_from_robot && a.segment == b.segment &&
                           span_s > 0 && span_s < widest_periods * period_s();
   sight.has_pose = away_s < nearly_there_s || (has_motion && after_b_s < same_instant * period_s());

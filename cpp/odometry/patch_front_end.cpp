@@ -54,12 +54,25 @@ int host_level_for(int level, const Eigen::Matrix2f& warp, const Keyframe& host)
   return std::min(level + smaller, host.left->levels() - 1);
 }
 
-bool sample_host(const Landmark& landmark, const Keyframe& host, int level, int host_level,
-                 const Eigen::Matrix2f& warp, PatchTemplate& patch) {
+/// Where the host shows a landmark's patch as large as a level of the current picture does.
+struct HostPlace {
+  ImageView image;
+  Eigen::Vector2f centre;
+  Eigen::Matrix2f warp;  ///< host's offsets from the level's
+};
+
+HostPlace place_in_host(const Landmark& landmark, const Keyframe& host, int level,
+                        const Eigen::Matrix2f& warp) {
+  const int host_level = host_level_for(level, warp, host);
   const float host_scale = 1.0f / static_cast<float>(1 << host_level);
-  const Eigen::Matrix2f level_warp = warp * (host_scale * static_cast<float>(1 << level));
-  return make_template(host.left->level(host_level), landmark.host_px * host_scale, level_warp,
-                       patch);
+  return {host.left->level(host_level), landmark.host_px * host_scale,
+          warp * (host_scale * static_cast<float>(1 << level))};
+}
+
+bool sample_host(const Landmark& landmark, const Keyframe& host, int level,
+                 const Eigen::Matrix2f& warp, PatchTemplate& patch) {
+  const HostPlace place = place_in_host(landmark, host, level, warp);
+  return make_template(place.image, place.centre, place.warp, patch);
 }
 
 /// The landmark's patch as seen in full size, sampled anew only when the view changed.
@@ -74,7 +87,7 @@ const PatchTemplate* patch_in_view(Landmark& landmark, const Keyframe& host,
   if (!landmark.seen_patch) landmark.seen_patch = std::make_shared<SeenPatch>();
   landmark.seen_patch->host_from_current = warp;
   landmark.seen_patch->host_level = host_level;
-  if (sample_host(landmark, host, 0, host_level, warp, landmark.seen_patch->pixels)) {
+  if (sample_host(landmark, host, 0, warp, landmark.seen_patch->pixels)) {
     return &landmark.seen_patch->pixels;
   }
   landmark.seen_patch.reset();
@@ -87,17 +100,11 @@ bool correlate_on_level(const Landmark& landmark, const Keyframe& host, const Py
                         const Eigen::Matrix2f& warp, int level, int reach_px,
                         Eigen::Vector2f& pixel) {
   const float scale = 1.0f / static_cast<float>(1 << level);
-  const int host_level = host_level_for(level, warp, host);
-  const float host_scale = 1.0f / static_cast<float>(1 << host_level);
-  const Eigen::Matrix2f level_warp = warp * (host_scale / scale);
+  const HostPlace place = place_in_host(landmark, host, level, warp);
   CorrelationPatch patch;
-  if (!sample_patch(host.left->level(host_level), landmark.host_px * host_scale, level_warp,
-                    patch)) {
-    return true;
-  }
+  if (!sample_patch(place.image, place.centre, place.warp, patch)) return true;
   const ImageView image = left.level(level);
-  // The patch's middle lies between its pixels 7 and 8.
-  constexpr float middle = 0.5f * (correlation_side_px - 1);
+  constexpr float middle = correlation_middle_px;
   const Eigen::Vector2f first = pixel * scale - Eigen::Vector2f::Constant(middle);
   const int x = static_cast<int>(std::lround(first.x())) - reach_px;
   const int y = static_cast<int>(std::lround(first.y())) - reach_px;
@@ -128,9 +135,7 @@ bool find_in_left(Landmark& landmark, const Keyframe& host, const Pyramid& left,
       continue;
     }
     PatchTemplate patch;
-    if (!sample_host(landmark, host, level, host_level_for(level, warp, host), warp, patch)) {
-      return false;
-    }
+    if (!sample_host(landmark, host, level, warp, patch)) return false;
     const float scale = 1.0f / static_cast<float>(1 << level);
     const PatchAlignment found = align_patch(left.level(level), patch, pixel * scale, options);
     if (!found.converged) return false;

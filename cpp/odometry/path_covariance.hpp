@@ -5,6 +5,15 @@
 
 namespace pilotage {
 
+/// Unseen, a robot may have moved so fast in each direction.
+inline constexpr double gap_speed_m_s = 1.0;
+
+/// The covariance of a pose, (position, rotation) along the world's axes, as what it does to a
+/// pose further on: a turn swings all that follows.
+Matrix6d carried(const Matrix6d& covariance, const Eigen::Vector3d& moved_m);
+/// The same after a gap: it may have moved by so much in each direction, and turned anyhow.
+Matrix6d after_gap(const Matrix6d& covariance, double moved_sigma_m);
+
 /// What the poses of a path share, added to what the adjustment knows of each: errors of the rig,
 /// which grow with the way, and gaps, after which the path goes on with little knowledge of where.
 ///

@@ -90,9 +90,7 @@ std::vector<char> without_blunders(const Window& window, const std::vector<Match
 }
 
 double median_depth(const std::vector<Eigen::Vector3d>& points) {
-  std::vector<float> depths;
-  for (const Eigen::Vector3d& p : points) depths.push_back(static_cast<float>(p.z()));
-  return quantile(std::move(depths), 0.5);
+  return quantile_of(points, 0.5, [](const Eigen::Vector3d& p) { return p.z(); });
 }
 
 float share_with_right(const Selection& selection) {

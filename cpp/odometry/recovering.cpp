@@ -44,11 +44,10 @@ StereoOdometry::Tracked StereoOdometry::recover(PyramidPair& pair) {
 StereoOdometry::Tracked StereoOdometry::recover_on_plane(PyramidPair& pair) {
   const Keyframe& reference = window_.keyframes().back();
   const Transform reference_from_world = reference.world_from_left.inverse();
-  std::vector<float> depths;
-  for (const Landmark& landmark : window_.landmarks()) {
-    depths.push_back(static_cast<float>((reference_from_world * landmark.point_in_world).z()));
-  }
-  const double metres_per_px = quantile(std::move(depths), 0.5) / stereo_.focal_px;
+  const float depth_m = quantile_of(window_.landmarks(), 0.5, [&](const Landmark& landmark) {
+    return (reference_from_world * landmark.point_in_world).z();
+  });
+  const double metres_per_px = depth_m / stereo_.focal_px;
   Tracked best, rival;
   for (const PlaneMotion& motion : find_plane_motions(reference.left->level(0), pair.left->level(0),
                                                       {stereo_.cx_px, stereo_.cy_px})) {

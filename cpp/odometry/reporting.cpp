@@ -19,19 +19,15 @@ constexpr double nearest_part = 0.1;
 /// cancel in part; chosen on rendered drives.
 constexpr double row_part = 0.15;
 
-/// Covariance of (position, rotation) along the world's axes from that of a left perturbation.
-Matrix6d about_the_pose(const Matrix6d& left_perturbation, const Eigen::Vector3d& position) {
-  Matrix6d shift = Matrix6d::Identity();
-  shift.topRightCorner<3, 3>() = -cross_matrix(position);
-  return shift * left_perturbation * shift.transpose();
+/// Depth that this part of the points stays below, metres; 0 of no points.
+double depth_quantile(const std::vector<DepthPoint>& points, double part) {
+  return quantile_of(points, part, [](const DepthPoint& p) { return p.point_in_previous.z(); });
 }
 
 /// Disparity of the point whose depth this part of the points stays below; 0 of no points.
 double disparity_px(const std::vector<DepthPoint>& points, double part,
                     const RectifiedStereo& stereo) {
-  std::vector<float> depths;
-  for (const DepthPoint& p : points) depths.push_back(static_cast<float>(p.point_in_previous.z()));
-  const double depth_m = quantile(std::move(depths), part);
+  const double depth_m = depth_quantile(points, part);
   return depth_m > 0 ? stereo.focal_px * stereo.baseline_m / depth_m : 0;
 }
 
@@ -44,7 +40,8 @@ void StereoOdometry::place(PairRecord& record, const Transform& world_from_left,
   const Matrix6d turn = adjoint(robot_from_rectified_);
   if (record.gap_sigma_m > 0) path.begin_segment(record.gap_sigma_m);
   const auto of_robot = [&](const Matrix6d& of_left) {
-    return about_the_pose(turn * of_left * turn.transpose(), pose.translation);
+    // A left perturbation moves the pose as an error at the world's origin does.
+    return carried(turn * of_left * turn.transpose(), pose.translation);
   };
   record.result.own_covariance = of_robot(record.row_covariance.cast<double>());
   record.result.segment_covariance = of_robot(covariance) + record.result.own_covariance;
@@ -74,11 +71,7 @@ Reason StereoOdometry::find_doubt(const PairRecord& record, const Tracked& track
 /// second one's rows were read, all the less the more it changes. Left perturbation.
 Matrix6d StereoOdometry::row_covariance(const Transform& world_from_left) const {
   if (!row_clock_ || previous_points_.empty()) return Matrix6d::Zero();
-  std::vector<float> depths;
-  for (const DepthPoint& p : previous_points_) {
-    depths.push_back(static_cast<float>(p.point_in_previous.z()));
-  }
-  const double depth_m = quantile(std::move(depths), 0.5);
+  const double depth_m = depth_quantile(previous_points_, 0.5);
   const double part_s = row_part * row_clock_->readout_s();
   const double move_m = part_s * twist_change_.head<3>().norm();
   const double turn_rad = part_s * twist_change_.tail<3>().norm() + move_m / depth_m;

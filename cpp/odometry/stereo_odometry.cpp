@@ -9,6 +9,7 @@
 
 #include "odometry/new_points.hpp"
 #include "odometry/patch_front_end.hpp"
+#include "odometry/seconds.hpp"
 
 namespace pilotage {
 namespace {
@@ -147,17 +148,17 @@ OdometryResult StereoOdometry::start(PyramidPair pair) {
   const float unseen_m = previous_.left ? gap_sigma_m(pair.timestamp_ns) : 0;
   if (unseen_m > 0) ++segment_;
   motion_s_ = 0;
-  twist_ = twist_change_ = Vector6d::Zero();
+  twist_change_ = Vector6d::Zero();
   remember(pair, tracked.step.world_from_left);
   return report(tracked, true, pair.timestamp_ns, unseen_m);
 }
 
 /// How far the rig may have gone since the last pose: as fast as before, or as small robots go.
 float StereoOdometry::gap_sigma_m(std::int64_t timestamp_ns) const {
-  const double gap_s = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
+  const double gap_s = seconds_between(previous_timestamp_ns_, timestamp_ns);
   const double speed_m_s =
       motion_s_ > 0 ? before_from_previous_.translation.norm() / motion_s_ : 0.0;
-  return static_cast<float>(std::max(1.0, speed_m_s) * gap_s);
+  return static_cast<float>(std::max(gap_speed_m_s, speed_m_s) * gap_s);
 }
 
 StereoOdometry::Tracked StereoOdometry::find_pose(PyramidPair& pair) {
@@ -178,7 +179,7 @@ StereoOdometry::Tracked StereoOdometry::find_pose(PyramidPair& pair) {
 }
 
 Transform StereoOdometry::predict(const PyramidPair& pair) const {
-  const double elapsed_s = 1e-9 * static_cast<double>(pair.timestamp_ns - previous_timestamp_ns_);
+  const double elapsed_s = seconds_between(previous_timestamp_ns_, pair.timestamp_ns);
   const Transform current_from_previous =
       motion_s_ > 0 ? part_of(before_from_previous_, elapsed_s / motion_s_).inverse() : Transform{};
   const PoseAlignment aligned = align_pose(*previous_.left, *pair.left, stereo_, previous_points_,
@@ -190,7 +191,7 @@ Transform StereoOdometry::predict(const PyramidPair& pair) const {
 RowMotion StereoOdometry::row_motion(const PyramidPair& pair,
                                      const Transform& world_from_left) const {
   if (!row_clock_ || !previous_.left) return {};
-  const double elapsed_s = 1e-9 * static_cast<double>(pair.timestamp_ns - previous_timestamp_ns_);
+  const double elapsed_s = seconds_between(previous_timestamp_ns_, pair.timestamp_ns);
   return {row_clock_, previous_world_from_left_.inverse() * world_from_left, elapsed_s};
 }
 
@@ -251,12 +252,14 @@ void StereoOdometry::note_matches(const Tracked& tracked) {
 
 void StereoOdometry::note_motion(const Transform& world_from_left, std::int64_t timestamp_ns) {
   const bool is_first = motion_s_ == 0;
-  motion_s_ = 1e-9 * static_cast<double>(timestamp_ns - previous_timestamp_ns_);
+  const Vector6d twist_before = is_first
+                                    ? Vector6d(Vector6d::Zero())
+                                    : Vector6d(transform_log(before_from_previous_) / motion_s_);
+  motion_s_ = seconds_between(previous_timestamp_ns_, timestamp_ns);
   before_from_previous_ = previous_world_from_left_.inverse() * world_from_left;
   const Vector6d twist = transform_log(before_from_previous_) / motion_s_;
   // From rest, or nobody knows what, motion changes most.
-  twist_change_ = is_first ? Vector6d(2 * twist) : Vector6d(twist - twist_);
-  twist_ = twist;
+  twist_change_ = is_first ? Vector6d(2 * twist) : Vector6d(twist - twist_before);
 }
 
 void StereoOdometry::remember(const PyramidPair& pair, const Transform& world_from_left) {

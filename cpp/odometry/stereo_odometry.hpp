@@ -118,8 +118,7 @@ class StereoOdometry {
   Transform previous_world_from_left_;
   Transform before_from_previous_;            ///< the last motion seen, backwards
   double motion_s_ = 0;                       ///< the time it took; 0: unknown
-  Vector6d twist_ = Vector6d::Zero();         ///< of that motion, a second
-  Vector6d twist_change_ = Vector6d::Zero();  ///< since the motion before
+  Vector6d twist_change_ = Vector6d::Zero();  ///< a second, since the motion before
   std::int64_t previous_timestamp_ns_ = 0;
   int lost_pairs_ = 0;
   int pairs_since_keyframe_ = 0;

@@ -285,8 +285,9 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
   const int typical = typical_lane(mask);
   const Floats distance = mask ? seen.distance : splat(seen.distance[typical]);
   const SurfacePoint at = surface_at(shape, pixels.rays, distance);
-  const HitMotion motion = hit_motion(pixels, shape, at, distance);
   const Material& material = scene_.materials()[shape.material];
+  HitMotion motion{};
+  if (!material.layers.empty() || shape.texture) motion = hit_motion(pixels, shape, at, distance);
   const Ints square = checker_square(material, at.u, at.v);
   Floats albedo = plain_albedo(material, square);
   if (!material.layers.empty()) {

@@ -4,12 +4,7 @@
 #include <numeric>
 #include <random>
 
-#include "rendering/view.hpp"
-
-namespace pilotage::arch_any {  // render.cpp
-Radiance render_view(const Scene&, const CameraRays&, const ShutterPoses&, int channels,
-                     const RenderOptions&);
-}
+#include "rendering/any_processor_test.hpp"
 
 using namespace pilotage;
 using Eigen::Vector3d;

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "geometry/dispatch.hpp"
+#include "tracking/parabola.hpp"
 
 namespace pilotage {
 namespace {
@@ -90,11 +91,6 @@ PILOTAGE_KERNEL void slide(const float* __restrict in, const float* __restrict o
   }
 }
 
-float parabola(float before, float peak, float after) {
-  const float curvature = before - 2 * peak + after;
-  return curvature < 0 ? std::clamp(0.5f * (before - after) / curvature, -0.5f, 0.5f) : 0;
-}
-
 bool is_inside(const ImageView& image, const Eigen::Vector2f& p) {
   return p.x() >= 0 && p.y() >= 0 && p.x() < static_cast<float>(image.width - 1) &&
          p.y() < static_cast<float>(image.height - 1);
@@ -114,7 +110,7 @@ float interpolated(const ImageView& image, const Eigen::Vector2f& p) {
 
 bool sample_patch(const ImageView& image, const Eigen::Vector2f& centre,
                   const Eigen::Matrix2f& image_from_patch, CorrelationPatch& patch) {
-  constexpr float half = 0.5f * (side - 1);
+  constexpr float half = correlation_middle_px;
   for (const float x : {-half, half}) {
     for (const float y : {-half, half}) {
       if (!is_inside(image, centre + image_from_patch * Eigen::Vector2f(x, y))) return false;
@@ -189,11 +185,11 @@ CorrelationPeak find_peak(const CorrelationMap& map, int separation) {
   peak.position = {static_cast<float>(peak.x), static_cast<float>(peak.y)};
   if (peak.x > 0 && peak.x + 1 < map.width) {
     peak.position.x() +=
-        parabola(map.at(peak.x - 1, peak.y), peak.score, map.at(peak.x + 1, peak.y));
+        parabola_peak(map.at(peak.x - 1, peak.y), peak.score, map.at(peak.x + 1, peak.y));
   }
   if (peak.y > 0 && peak.y + 1 < map.height) {
     peak.position.y() +=
-        parabola(map.at(peak.x, peak.y - 1), peak.score, map.at(peak.x, peak.y + 1));
+        parabola_peak(map.at(peak.x, peak.y - 1), peak.score, map.at(peak.x, peak.y + 1));
   }
   // On the border of the map a slope that rises out of it is no maximum.
   for (int y = 1; y + 1 < map.height; ++y) {

@@ -10,6 +10,8 @@
 namespace pilotage {
 
 inline constexpr int correlation_side_px = 16;
+/// Of a patch from its first pixel: between pixels 7 and 8.
+inline constexpr float correlation_middle_px = 0.5f * (correlation_side_px - 1);
 
 /// The patch that is sought: grey values less their rounded mean, so that sums stay whole.
 struct CorrelationPatch {
@@ -19,8 +21,8 @@ struct CorrelationPatch {
   float variance = 0;  ///< sum of squared deviations from the true mean
 };
 
-/// Samples the patch whose middle, between its pixels 7 and 8, lies at `centre`;
-/// `image_from_patch` maps offsets. False when it leaves the picture or shows no texture.
+/// Samples the patch whose middle lies at `centre`; `image_from_patch` maps offsets. False when it
+/// leaves the picture or shows no texture.
 bool sample_patch(const ImageView& image, const Eigen::Vector2f& centre,
                   const Eigen::Matrix2f& image_from_patch, CorrelationPatch& patch);
 

@@ -10,15 +10,10 @@
 #include <string>
 
 #include "tracking/harris_rows.hpp"
+#include "tracking/parabola.hpp"
 
 namespace pilotage {
 namespace {
-
-float parabola_peak(float before, float peak, float after) {
-  const float curvature = before - 2 * peak + after;
-  if (curvature >= 0) return 0;
-  return std::clamp(0.5F * (before - after) / curvature, -0.5F, 0.5F);
-}
 
 void require(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument("HarrisOptions: " + what);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "tracking/correlation.hpp"
@@ -11,7 +12,6 @@ namespace pilotage {
 namespace {
 
 constexpr int side = correlation_side_px;
-constexpr float half_side = 0.5f * (side - 1);
 /// The copies that are correlated are no wider.
 constexpr int small_width_px = 110;
 constexpr int patch_columns = 4, patch_rows = 3;
@@ -90,9 +90,7 @@ struct Votes {
       }
     }
   }
-  float mean(std::size_t i) const {
-    return count[i] >= fewest_votes ? sum[i] / static_cast<float>(count[i]) : -1;
-  }
+  float mean(std::size_t i) const { return sum[i] / static_cast<float>(count[i]); }
   /// Few votes are high by chance, and many low ones are worth nothing to the third power.
   float weight(std::size_t i) const { return count[i] >= fewest_votes ? sum[i] : 0; }
 };
@@ -127,44 +125,33 @@ Votes vote(const ImageView& reference, const ImageView& current, const Eigen::Ve
       if (!sample_patch(reference, place, back, patch)) continue;
       correlate(patch, current, 0, 0, width, height, map);
       const Eigen::Vector2f expected = turn * (place - centre) + centre;
-      votes.add(map, static_cast<int>(std::lround(half_side - expected.x())),
-                static_cast<int>(std::lround(half_side - expected.y())));
+      votes.add(map, static_cast<int>(std::lround(correlation_middle_px - expected.x())),
+                static_cast<int>(std::lround(correlation_middle_px - expected.y())));
     }
   }
   return votes;
 }
 
 struct Best {
-  float weight = 0, mean = -1;
+  float weight = 0, mean = 0;  ///< 0: there is none
   double angle_rad = 0;
   int x = 0, y = 0;
 };
 
-Best best_of(const Votes& votes, double angle_rad) {
+/// The best shift, of those away from `taken` if that is given.
+Best best_of(const Votes& votes, double angle_rad, const Best* taken = nullptr) {
   Best best;
   best.angle_rad = angle_rad;
   for (std::size_t i = 0; i < votes.sum.size(); ++i) {
-    if (votes.count[i] < fewest_votes || votes.weight(i) <= best.weight) continue;
-    best.weight = votes.weight(i);
-    best.mean = votes.mean(i);
-    best.x = static_cast<int>(i) % votes.columns() - votes.reach_x;
-    best.y = static_cast<int>(i) / votes.columns() - votes.reach_y;
-  }
-  return best;
-}
-
-/// The best shift away from the best one.
-Best rival_of(const Votes& votes, const Best& best) {
-  Best rival;
-  rival.angle_rad = best.angle_rad;
-  for (std::size_t i = 0; i < votes.sum.size(); ++i) {
+    if (votes.weight(i) <= best.weight) continue;
     const int x = static_cast<int>(i) % votes.columns() - votes.reach_x;
     const int y = static_cast<int>(i) / votes.columns() - votes.reach_y;
-    const bool is_same = std::max(std::abs(x - best.x), std::abs(y - best.y)) <= separation_px;
-    if (is_same || votes.weight(i) <= rival.weight) continue;
-    rival = {votes.weight(i), votes.mean(i), best.angle_rad, x, y};
+    if (taken && std::max(std::abs(x - taken->x), std::abs(y - taken->y)) <= separation_px) {
+      continue;
+    }
+    best = {votes.weight(i), votes.mean(i), angle_rad, x, y};
   }
-  return rival;
+  return best;
 }
 
 PlaneMotion motion_of(const Best& best, double scale) {
@@ -180,16 +167,20 @@ std::vector<PlaneMotion> find_plane_motions(const ImageView& reference, const Im
   const Eigen::Vector2f centre = (centre_px / from.scale).cast<float>();
   const int steps = static_cast<int>(std::ceil(options.largest_turn_rad / options.turn_step_rad));
   Best best;
+  Votes votes_at_best(0, 0);
   const auto try_angle = [&](double angle_rad) {
-    const Best here = best_of(vote(from.view(), to.view(), centre, angle_rad), angle_rad);
-    if (here.weight > best.weight) best = here;
+    Votes votes = vote(from.view(), to.view(), centre, angle_rad);
+    const Best here = best_of(votes, angle_rad);
+    if (here.weight <= best.weight) return;
+    best = here;
+    votes_at_best = std::move(votes);
   };
   for (int step = -steps; step <= steps; ++step) try_angle(step * options.turn_step_rad);
   // Half a step to either side: a patch's corners then lie within half a pixel.
   const double coarse_rad = best.angle_rad;
   try_angle(coarse_rad - 0.5 * options.turn_step_rad);
   try_angle(coarse_rad + 0.5 * options.turn_step_rad);
-  const Best rival = rival_of(vote(from.view(), to.view(), centre, best.angle_rad), best);
+  const Best rival = best_of(votes_at_best, best.angle_rad, &best);
   std::vector<PlaneMotion> motions;
   for (const Best& found : {best, rival}) {
     if (found.weight > 0 && std::cbrt(found.mean) >= options.min_score) {
@@ -205,7 +196,8 @@ double self_similarity(const ImageView& picture) {
   for (int level = 0; level < similar_levels; ++level, width_px *= 2) {
     const Small small(picture, width_px);
     const Votes votes = vote(small.view(), small.view(), Eigen::Vector2f::Zero(), 0);
-    const Best rival = rival_of(votes, Best{});
+    const Best unmoved{};
+    const Best rival = best_of(votes, 0, &unmoved);
     if (rival.weight > 0) similar = std::max<double>(similar, std::cbrt(rival.mean));
   }
   return similar;

@@ -1298,7 +1298,7 @@ class Belief(enum.Enum):
     """Believed."""
 
     disagrees = 1
-    """Moves otherwise than the others."""
+    """Moves otherwise than the others; by the paper's rule: is not chosen."""
 
     lost = 2
     """Gives no pose; its reason says why."""

@@ -26,7 +26,8 @@ ARM_M = 1.0
 class PairState:
     """What one pair says; `since_ns` is when its `belief` became what it is.
 
-    `has_contradicted` tells whether since then it moved otherwise than the others.
+    `along_axis_m` is what it is apart along the axis where that is most. `has_contradicted` tells
+    whether since then it moved otherwise than the others; by the paper's rule, whether it does now.
     """
 
     belief: str
@@ -34,6 +35,7 @@ class PairState:
     reason: str
     since_ns: int
     apart_m: float
+    along_axis_m: float
     turned_rad: float
     chi_square: float
     has_contradicted: bool = False
@@ -72,7 +74,9 @@ def tell(before: Story | None, result: JointResult, config: JudgeConfig) -> Stor
         since_ns = earlier.since_ns if earlier and is_same else result.timestamp_ns
         state = _state(verdict, since_ns)
         contradicts = state.belief == "disagrees" and not _agrees(state, config)
-        kept = bool(earlier and is_same and earlier.has_contradicted)
+        # The paper's rule watches nobody: what is not chosen contradicts only while it differs.
+        is_watched = is_same and config.rule != "paper"
+        kept = bool(earlier and is_watched and earlier.has_contradicted)
         states.append(replace(state, has_contradicted=contradicts or kept))
     return Story(result.timestamp_ns, result.status.name, tuple(states))
 
@@ -85,6 +89,7 @@ def _state(verdict: PairVerdict, since_ns: int) -> PairState:
         reason=verdict.reason.name,
         since_ns=since_ns,
         apart_m=math.hypot(*difference[:3]),
+        along_axis_m=max(map(abs, difference[:3])),
         turned_rad=math.hypot(*difference[3:]),
         chi_square=float(verdict.chi_square),
     )
@@ -141,7 +146,7 @@ def _doubt(story: Story, number: int, names: Sequence[str], config: JudgeConfig)
 def _agrees(pair: PairState, config: JudgeConfig) -> bool:
     """Tell whether what is set aside would pass: it waits to be believed again."""
     if config.rule == "paper":
-        return pair.apart_m <= float(str(config.paper_limit_m))
+        return pair.along_axis_m <= float(str(config.paper_limit_m))
     return pair.chi_square < chi_square_limit(config.confidence)
 
 
@@ -229,6 +234,7 @@ def _worse(before: PairState, now: PairState) -> PairState:
     return replace(
         now,
         apart_m=before.apart_m,
+        along_axis_m=before.along_axis_m,
         turned_rad=before.turned_rad,
         chi_square=before.chi_square,
     )
