@@ -51,11 +51,9 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
     """
     if not 0.5 <= rate_hz <= 60:
         raise InputError(f"rate {rate_hz:g} Hz: must lie from 0.5 to 60")
-    chosen = tuple(robot.pairs) if pairs is None else tuple(pairs)
-    rigs = {pair: robot.stereo_rig(simulation, pair, width_px, sensor.readout_s) for pair in chosen}
-    groups = camera_groups(
-        simulation, robot, sensor, width_px=width_px, seed=simulation.world.seed, pairs=chosen
-    )
+    rigs = robot.stereo_rigs(simulation, width_px, pairs, sensor.readout_s)
+    cameras, seed = robot.pair_lenses(rigs), simulation.world.seed
+    groups = camera_groups(simulation, cameras, sensor, seed=seed)
     way = Way(simulation)
     with McapWriter(out) as writer:
         for pair, rig in rigs.items():

@@ -83,13 +83,11 @@ def record_stops(  # noqa: PLR0913, what a recording is made of
     recorded; RunError when the file cannot be written, or head or posture do not get where they are
     to be; what was written stays in `<out>.part`.
     """
-    cameras = {
-        name: robot.lens.camera(width_px, number) for number, name in enumerate(robot.singles)
-    }
-    groups = camera_groups(simulation, robot, sensor, width_px=width_px, seed=simulation.world.seed)
+    cameras, seed = robot.single_lenses(width_px), simulation.world.seed
+    groups = camera_groups(simulation, cameras, sensor, seed=seed)
     with McapWriter(out) as writer, SimulatedNao(simulation) as nao:
-        for name, camera in cameras.items():
-            writer.add_camera(name, camera)
+        for name, group in cameras.items():
+            writer.add_camera(name, group[name])
         seats = {(HEAD, name): head_from_camera(name) for name in cameras}
         writer.add_static_transforms(seats, timestamp_ns=simulation.time_ns)
         recorder = _NaoRecorder(simulation, groups, writer)

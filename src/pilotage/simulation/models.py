@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
@@ -96,6 +96,31 @@ class RobotModel:
             robot_from_left=robot_from_world @ world_from_left,
             readout_s=readout_s,
         )
+
+    def stereo_rigs(
+        self,
+        simulation: Simulation,
+        width_px: int,
+        pairs: Sequence[str] | None = None,
+        readout_s: float = 0.0,
+    ) -> dict[str, StereoRig]:
+        """Return the rigs of `pairs` by name, by default of all; see `stereo_rig`."""
+        names = self.pairs if pairs is None else pairs
+        return {name: self.stereo_rig(simulation, name, width_px, readout_s) for name in names}
+
+    def pair_lenses(self, rigs: Mapping[str, StereoRig]) -> dict[str, dict[str, Camera]]:
+        """Return the cameras of each pair of `rigs`, which fire together, by name."""
+        return {
+            pair: dict(zip(self.pairs[pair], (rig.left, rig.right), strict=True))
+            for pair, rig in rigs.items()
+        }
+
+    def single_lenses(self, width_px: int) -> dict[str, dict[str, Camera]]:
+        """Return each single camera, which fires by itself, by name."""
+        return {
+            name: {name: self.lens.camera(width_px, number)}
+            for number, name in enumerate(self.singles)
+        }
 
     def chosen_pairs(self, names: str | None) -> tuple[str, ...]:
         """Return the pairs of a list such as `front,down`, all without one; InputError else."""
