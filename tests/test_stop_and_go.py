@@ -5,14 +5,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from program import call, said
 
 from pilotage.calibration.nao_head import head_from_camera, neck_from_head, torso_from_neck
-from pilotage.cli.main import app
 from pilotage.errors import InputError
 from pilotage.recordings import (
     SinglePicture,
@@ -26,10 +24,6 @@ from pilotage.simulation.nao import Nao
 
 YAWS_DEG = [33.5, 0.0, -33.5]
 WALK = ["--robot", "nao", "--path", "straight-1m", "--width", "160", "--seed", "2"]
-
-
-def call(*arguments: object) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def pictures_of(path: Path) -> list[SinglePicture]:
@@ -129,10 +123,9 @@ def test_pictures_on_the_way_shake(tmp_path: Path):
 
 def test_localize_says_what_is_missing(walked: Path, tmp_path: Path):
     done = call("localize", walked, "-o", tmp_path / "out")
-    said = " ".join(done.output.split())
     assert done.exit_code == 2
     for words in ("0 stereo pairs", "/bottom, /top", "open_pictures"):
-        assert words in said
+        assert words in said(done)
 
 
 def test_the_same_arguments_give_the_same_bytes(walked: Path, tmp_path: Path):
