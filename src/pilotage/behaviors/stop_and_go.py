@@ -114,14 +114,14 @@ class _NaoRecorder(Recorder):
 
     def note(self) -> None:
         """Write the head's angles beside odometry, moving frames and truth, once for each time."""
-        now_ns, head = self._simulation.time_ns, self._nao.head
+        now_ns, head = self._simulation.time_ns, self._nao.told_head
         if now_ns > self._newest_note_ns:
             angles = {"HeadYaw": head.yaw_rad, "HeadPitch": head.pitch_rad}
             self._writer.write_joints(timestamp_ns=now_ns, positions_rad=angles)
         super().note()
 
     def _moving_frames(self) -> dict[tuple[str, str], Transform]:
-        head = self._nao.head
+        head = self._nao.told_head
         return {
             (ROBOT, TORSO): self._nao.robot_from_torso,
             (TORSO, NECK): torso_from_neck(head.yaw_rad),
@@ -195,7 +195,8 @@ class _Walk:
 
     def _look(self, look: HeadAngles) -> None:
         goal = self._nao.turn_head(look)
-        self._wait(lambda: self._nao.state().head == goal)
+        # The true angles: what the encoders tell never meets the goal.
+        self._wait(lambda: self._body.head == goal)
 
     def _wait(self, is_done: Callable[[], bool]) -> None:
         """Let time pass until it is done, and then until it has settled."""
