@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pilotage import Transform
 from pilotage.behaviors.recorder import Recorder
@@ -20,11 +21,13 @@ from pilotage.calibration.nao_head import (
 )
 from pilotage.errors import InputError, RunError
 from pilotage.recordings.mcap_writer import ROBOT, McapWriter
+from pilotage.recordings.recording import SIMULATION
 from pilotage.robots.robot import HeadAngles
 from pilotage.robots.simulated import SimulatedNao
 from pilotage.simulation import Drive, RobotModel, Simulation
 from pilotage.simulation.camera_group import CameraGroup, camera_groups
 from pilotage.simulation.nao import Nao
+from pilotage.simulation.origin import origin_of
 from pilotage.simulation.sensor import Sensor
 
 TORSO, NECK, HEAD = "torso", "neck", "head"
@@ -65,6 +68,14 @@ class StopPlan:
                     f"the nearest is {near}"
                 )
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as a recording holds it."""
+        looks_rad = [list(look) for look in self.looks]
+        return {
+            "steps": self.steps, "looks_rad": looks_rad, "crouches": self.crouches,
+            "walking_hz": self.walking_hz,
+        }  # fmt: skip
+
 
 def record_stops(  # noqa: PLR0913, what a recording is made of
     *,
@@ -85,7 +96,9 @@ def record_stops(  # noqa: PLR0913, what a recording is made of
     """
     cameras, seed = robot.single_lenses(width_px), simulation.world.seed
     groups = camera_groups(simulation, cameras, sensor, seed=seed)
+    origin = origin_of(simulation, robot, drive, sensor, width_px=width_px, stops=plan.to_dict())
     with McapWriter(out) as writer, SimulatedNao(simulation) as nao:
+        writer.write_metadata(SIMULATION, origin.to_record())
         for name, group in cameras.items():
             writer.add_camera(name, group[name])
         seats = {(HEAD, name): head_from_camera(name) for name in cameras}
