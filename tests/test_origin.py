@@ -151,6 +151,12 @@ def test_it_survives_a_crash(spoilt: Path, tmp_path: Path):
     assert origin_in(tmp_path / "cut.mcap") == origin_in(spoilt / "drive")
 
 
+def test_it_goes_along_into_another_recording(spoilt: Path, tmp_path: Path):
+    out = tmp_path / "front.mcap"
+    assert call("convert", spoilt / "drive", "-o", out, "--to", "mcap").exit_code == 0
+    assert origin_in(out) == origin_in(spoilt / "drive")
+
+
 def written(path: Path, values: dict[str, str], name: str = SIMULATION) -> Path:
     with McapWriter(path) as writer:
         writer.write_metadata(name, values)

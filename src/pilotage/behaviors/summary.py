@@ -18,7 +18,7 @@ from pilotage.evaluation.verdict import calibration_words
 from pilotage.pose_files import PoseRecord
 from pilotage.provenance import program_commit
 from pilotage.reasons import reason_remedy, reason_words
-from pilotage.recordings.recording import SIMULATION, HasMetadata
+from pilotage.recordings.recording import SIMULATION, metadata_of
 
 if TYPE_CHECKING:
     from pilotage import CalibrationCheck, StereoOdometry
@@ -117,7 +117,7 @@ def describe_run(
 
 def _simulated(recording: Recording) -> str | None:
     """Return in a line with what a recording was simulated; None of a real one."""
-    record = recording.metadata(SIMULATION) if isinstance(recording, HasMetadata) else None
+    record = metadata_of(recording, SIMULATION)
     return None if record is None else record.get("words", "")
 
 

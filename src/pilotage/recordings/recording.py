@@ -69,6 +69,11 @@ class HasMetadata(Protocol):
         """Return what it says under that name; None where it says nothing."""
 
 
+def metadata_of(recording: Recording, name: str) -> Mapping[str, str] | None:
+    """Return what any recording says of itself under that name; None where it says nothing."""
+    return recording.metadata(name) if isinstance(recording, HasMetadata) else None
+
+
 class Format(Protocol):
     """What a format's class offers beside its instances, which are `Recording`s."""
 
