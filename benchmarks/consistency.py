@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from chance import mean_band
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
 from tables import markdown_table, number
 
 from pilotage import RectifiedStereo, Transform, _core
@@ -30,7 +30,6 @@ from pilotage import RectifiedStereo, Transform, _core
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 Array = NDArray[np.float64]
-DEGREES = 6
 SIGMA_PX = 0.3  # of every simulated coordinate
 STEREO = RectifiedStereo(
     width_px=752, height_px=480, focal_px=440.0, cx_px=375.5, cy_px=239.5, cx_right_px=375.5,
@@ -51,8 +50,7 @@ class Band:
 
     @property
     def limits(self) -> tuple[float, float]:
-        low, high = chi2.ppf([0.005, 0.995], DEGREES * len(self.nees)) / len(self.nees)
-        return float(low), float(high)
+        return mean_band(len(self.nees))
 
     @property
     def verdict(self) -> str:

@@ -26,9 +26,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from chance import largest_by_chance
 
-from pilotage import OdometryConfig, Status, StereoOdometry, _core
+from pilotage import Status, StereoOdometry, _core
+from pilotage.behaviors.pair_track import Tracked, in_order
+from pilotage.calibration.rig_calibration import looks_down
+from pilotage.config import UserConfig
 from pilotage.evaluation.metrics import evaluate_trajectory, nees
 from pilotage.simulation import Drive, Fault, Simulation, load_world, robot_model
 from pilotage.simulation.camera_faults import written_rig
@@ -44,11 +47,6 @@ NS = 1_000_000_000
 SPOILT_EVERY = 5
 # Name and size of what happens to one pair half-way; a size of its own for each unit.
 SPOILS = (("blind", 1.0), ("dirt", 0.7), ("out_of_step_ms", 40.0), ("tilt_right", 4.0))
-# A looking-down pair: height and an offset of the right picture cannot be told apart.
-SETTINGS: dict[str, dict[str, Any]] = {
-    "front": {},
-    "down": {"front_end": "grid", "right_x_offset_prior_px": 0},
-}
 JOINT = "joint"
 
 
@@ -118,12 +116,13 @@ def track(
     """Drive and track every pair that comes; return what each pair saw and if the drive arrived."""
     simulation, robot = simulation_of(plan), robot_model(ROBOT)
     sensor = read_sensor(camera)
-    groups = camera_groups(simulation, robot, sensor, width_px=width, seed=plan.seed, pairs=PAIRS)
-    rigs = {pair: robot.stereo_rig(simulation, pair, width, sensor.readout_s) for pair in PAIRS}
+    rigs = robot.stereo_rigs(simulation, width, PAIRS, sensor.readout_s)
+    groups = camera_groups(simulation, robot.pair_lenses(rigs), sensor, seed=plan.seed)
+    config = UserConfig(shared={"points": points})
     odometries = {
         pair: StereoOdometry(
             rig=written_rig(rigs[pair], simulation.faults, pair),
-            config=OdometryConfig.from_dict({"points": points, **SETTINGS[pair]}),
+            config=config.odometry(pair, is_downward=looks_down(pair, rigs[pair])),
         )
         for pair in PAIRS
     }
@@ -152,28 +151,30 @@ def track(
 def join(tracks: dict[str, Track], key: str) -> list[Any]:
     """Return what the judge makes of the `live` or `final` results of all pairs."""
     judge = _core.Judge(pairs=len(tracks))
-    results = [getattr(track, key) for track in tracks.values()]
-    order = sorted(
-        (result.timestamp_ns, pair, index)
-        for pair, of_pair in enumerate(results)
-        for index, result in enumerate(of_pair)
-    )
-    joint = [said for _, pair, index in order for said in judge.add(pair, results[pair][index])]
+    joint = [said for one in merged(tracks, key) for said in judge.add(one.pair, one.result)]
     return joint + judge.finish()
+
+
+def merged(tracks: dict[str, Track], key: str) -> list[Tracked]:
+    """Return the `live` or `final` results of all pairs in order of time."""
+    return list(
+        in_order(
+            [
+                [Tracked(pair, index, result) for index, result in enumerate(getattr(of_pair, key))]
+                for pair, of_pair in enumerate(tracks.values())
+            ]
+        )
+    )
 
 
 def truth_at(times_ns: list[int], tracks: dict[str, Track]) -> np.ndarray[Any, Any]:
     """Return the true poses (N, 4, 4) of the pictures nearest in time."""
-    known = sorted(
-        (result.timestamp_ns, pair, index)
-        for pair, track in tracks.items()
-        for index, result in enumerate(track.live)
-    )
-    stamps = np.array([stamp for stamp, _, _ in known])
+    known, truths = merged(tracks, "live"), [track.truth for track in tracks.values()]
+    stamps = np.array([one.result.timestamp_ns for one in known])
     after = np.clip(np.searchsorted(stamps, times_ns), 1, len(stamps) - 1)
     is_before = np.abs(stamps[after - 1] - times_ns) < np.abs(stamps[after] - times_ns)
     places = np.where(is_before, after - 1, after)
-    return np.array([tracks[known[p][1]].truth[known[p][2]] for p in places])
+    return np.array([truths[known[p].pair][known[p].index] for p in places])
 
 
 def figures(results: list[Any], truth: np.ndarray[Any, Any]) -> dict[str, Any]:
@@ -187,7 +188,7 @@ def figures(results: list[Any], truth: np.ndarray[Any, Any]) -> dict[str, Any]:
     metrics = evaluate_trajectory(estimate=estimate, truth=truth, covariances=covariances)
     says_tracking = np.array([r.status == Status.tracking for r in results])
     squares = nees(estimate, truth, covariances)
-    limit = chi2.ppf(1 - 0.01 / len(squares), 6)
+    limit = largest_by_chance(len(squares))
     return {
         "pairs": metrics.pairs,
         "lost": metrics.lost,

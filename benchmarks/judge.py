@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
+from chance import largest_by_chance, ordinary_limit
 
 from pilotage.evaluation.metrics import evaluate_trajectory, has_pose, nees, relative_errors
 from pilotage.evaluation.poses import interpolate
@@ -125,11 +125,10 @@ def _nees_figures(name: str, run: Mapping[str, Array], truth: Array) -> dict[str
     values = values[np.isfinite(values)]
     if not len(values):
         return {}
-    limit = chi2.ppf(1 - 0.01 / len(values), 6)
     return {
         "nees_mean": float(values.mean()),
-        "nees_share": float((values <= chi2.ppf(0.99, 6)).mean()),
-        "confidently_wrong": float((values > limit).sum()),
+        "nees_share": float((values <= ordinary_limit()).mean()),
+        "confidently_wrong": float((values > largest_by_chance(len(values))).sum()),
     }
 
 

@@ -84,7 +84,8 @@ def measure(ground: str, arguments: argparse.Namespace) -> None:
     simulation = Simulation(world, "rover", seed=7)
     robot, pictures = robot_model("rover"), Pictures(simulation)
     sensor, width = read_sensor(arguments.camera), arguments.width
-    groups = camera_groups(simulation, robot, sensor, width_px=width, seed=7, pictures=pictures)
+    cameras = robot.pair_lenses(robot.stereo_rigs(simulation, width))
+    groups = camera_groups(simulation, cameras, sensor, seed=7, pictures=pictures)
     names = [name for pair in robot.pairs.values() for name in pair]
     height = arguments.width * 3 // 4
     renderer = make_renderer(simulation, arguments.width, height)

@@ -18,10 +18,9 @@ import pytest
 from evo.core.metrics import APE, PoseRelation
 from evo.core.sync import associate_trajectories
 from evo.tools.file_interface import read_kitti_poses_file, read_tum_trajectory_file
+from program import call
 from synthetic import SyntheticRecording, make_long_recording, make_recording
-from typer.testing import CliRunner, Result
 
-from pilotage.cli.main import app
 from pilotage.pose_files import read_pose_table
 from pilotage.results import FILES, POSES_LIVE, ResultsFolder, read_results
 
@@ -31,11 +30,6 @@ PROGRAM = [sys.executable, "-m", "pilotage.cli.main"]
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [*PROGRAM, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-def call(*arguments: object) -> Result:
-    """Run inside this process, which is faster where only the answer matters."""
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from program import call
 from synthetic import SyntheticRecording, make_recording
 from test_mcap import camera_numbers, make_rig, numbers, write_recording
-from typer.testing import CliRunner, Result
 
 from pilotage import Rectifier
 from pilotage.atomic_files import GrowingFile
-from pilotage.cli.main import app
 from pilotage.errors import InputError, RunError
 from pilotage.recordings import Recording, StereoFrame, open_recording
 from pilotage.recordings import convert as convert_module
@@ -22,10 +21,6 @@ from pilotage.recordings.convert import convert
 from pilotage.results import POSES, TRUTH, TUM
 
 NAMES = {"kitti": "k", "euroc": "e", "mcap": "m.mcap"}
-
-
-def call(*arguments: object) -> Result:
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 @pytest.fixture(scope="module")

@@ -12,28 +12,15 @@ import numpy as np
 import pytest
 import yaml
 from pair_recordings import rewritten
-from typer.testing import CliRunner
+from program import call, said, summary_of
 
 from pilotage.behaviors.choice import Choice, choose
 from pilotage.behaviors.localize_joint import localize_joint
-from pilotage.cli.main import app
 from pilotage.config import UserConfig
 from pilotage.evaluation.report import draw_report
 from pilotage.judge_files import read_judge_table
 from pilotage.pose_files import PoseRecord, read_pose_table
 from pilotage.results import FILES, JUDGE_FILES, REPORT, read_results
-
-
-def call(*arguments: object) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)))
-
-
-def said(done: Any) -> str:
-    return " ".join(done.output.split())
-
-
-def summary_of(out: Path) -> dict[str, Any]:
-    return dict(json.loads((out / "summary.json").read_text()))
 
 
 def test_all_pairs_are_joined_by_default(joined_pairs: Path):

@@ -3,33 +3,19 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from pair_recordings import rewritten
-from typer.testing import CliRunner
+from program import call, said, summary_of
 
 from pilotage import StereoRig, Transform
 from pilotage.behaviors.choice import choose
-from pilotage.cli.main import app
 from pilotage.config import UserConfig
 from pilotage.errors import InputError
 from pilotage.recordings import open_recording
-
-
-def call(*arguments: object) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)))
-
-
-def said(done: Any) -> str:
-    return " ".join(done.output.split())
-
-
-def summary_of(out: Path) -> dict[str, Any]:
-    return dict(json.loads((out / "summary.json").read_text()))
 
 
 @pytest.mark.parametrize(

@@ -18,10 +18,9 @@ import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from program import call
 from test_mcap import foreign_bag, make_rig, write_recording
-from typer.testing import CliRunner, Result
 
-from pilotage.cli.main import app
 from pilotage.errors import InputError, RunError
 from pilotage.recordings import mcap_container, open_recording
 from pilotage.recordings.mcap_records import parse_chunk, raw_records, split_chunk, unpack_chunk
@@ -246,10 +245,6 @@ def _spoiling(write, rng):
         write(self, topic, type_name, timestamp_ns, bytes(changed[:cut]), **metadata)
 
     return spoil
-
-
-def call(*arguments: object) -> Result:
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def test_the_verb(whole: Path, tmp_path: Path) -> None:

@@ -5,27 +5,21 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from program import call
 
 from pilotage import _core
 from pilotage.behaviors.recorder import Moment
 from pilotage.cli import live
 from pilotage.cli.live import LineView
-from pilotage.cli.main import app
 from pilotage.recordings import StereoFrame, open_recording, read_joints, read_odometry
 from pilotage.recordings.mcap import McapRecording
 from pilotage.simulation import Simulation, load_world, robot_model
 from pilotage.simulation.pictures import Pictures, camera_rays
 
 SMALL = ["--path", "straight-1m", "--width", "160", "--rate-hz", "4", "--seed", "3"]
-
-
-def call(*arguments: object) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 @pytest.fixture(scope="module")

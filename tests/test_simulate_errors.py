@@ -10,15 +10,13 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 from camera_scenes import RIGHT, WORLD, record, shots, small_world
-from typer.testing import CliRunner
+from program import call
 
-from pilotage.cli.main import app
 from pilotage.errors import InputError, RunError
 from pilotage.simulation import Fault, Motion, Simulation, load_world
 from pilotage.simulation.sight import height_below_m
@@ -26,10 +24,6 @@ from pilotage.simulation.solids import Solids
 
 SMALL = ["--path", "straight-1m", "--width", "160", "--rate-hz", "4"]
 SOLID = 'type="box" size="0.1 4 1.5"'
-
-
-def call(*arguments: object) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def with_wall(folder: Path, x_m: float, attributes: str) -> Path:

@@ -5,14 +5,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from program import call, said
 
 from pilotage.calibration.nao_head import head_from_camera, neck_from_head, torso_from_neck
-from pilotage.cli.main import app
 from pilotage.errors import InputError
 from pilotage.recordings import (
     SinglePicture,
@@ -26,10 +24,6 @@ from pilotage.simulation.nao import Nao
 
 YAWS_DEG = [33.5, 0.0, -33.5]
 WALK = ["--robot", "nao", "--path", "straight-1m", "--width", "160", "--seed", "2"]
-
-
-def call(*arguments: object) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def pictures_of(path: Path) -> list[SinglePicture]:
@@ -52,7 +46,8 @@ def test_each_stop_has_every_look_standing_and_crouching(walked: Path):
     assert len(open_pictures(walked)) == len(pictures) == 3 * 2 * 3 * 2
     assert [p.camera for p in pictures[:4]] == ["bottom", "top"] * 2
     yaws = [math.degrees(p.joints_rad["HeadYaw"]) for p in pictures if p.camera == "top"]
-    np.testing.assert_allclose(yaws, YAWS_DEG * 6)
+    # By the encoders: half of 0.2 degrees of play, half a step of 0.09, and noise.
+    np.testing.assert_allclose(yaws, YAWS_DEG * 6, atol=0.3)
     assert not any(p.is_moving for p in pictures)
     heights = []
     for picture in pictures:
@@ -64,7 +59,10 @@ def test_each_stop_has_every_look_standing_and_crouching(walked: Path):
     assert heights == stop * 3
 
 
-def test_cameras_are_truly_where_the_head_says(walked: Path):
+def test_cameras_are_truly_where_an_exact_head_says(tmp_path: Path):
+    walked = tmp_path / "exact"
+    few = ["--stop-every", "30", "--encoders", "0"]
+    assert call("simulate", "office", "-o", walked, *few, *WALK).exit_code == 0
     recording = open_pictures(walked)
     torso = recording.truth("torso")
     assert torso is not None
@@ -100,8 +98,8 @@ def test_joints_come_back_as_they_were(walked: Path):
     joints = read_joints(walked)
     assert joints is not None
     assert joints.names == ("HeadYaw", "HeadPitch")
-    assert np.degrees(joints.of("HeadYaw")).max() == pytest.approx(33.5)
-    assert joints.of("HeadPitch").tolist() == [0.0] * len(joints.timestamps_ns)
+    assert np.degrees(joints.of("HeadYaw")).max() == pytest.approx(33.5, abs=0.3)
+    assert np.abs(np.degrees(joints.of("HeadPitch"))).max() < 0.2  # never moved: noise alone
 
 
 def test_pictures_on_the_way_shake(tmp_path: Path):
@@ -120,7 +118,7 @@ def test_pictures_on_the_way_shake(tmp_path: Path):
         assert picture.is_moving is not None
         tilts[picture.is_moving].append(math.acos(min(1.0, robot_from_torso[2, 2])))
         if not picture.is_moving:
-            assert picture.joints_rad["HeadPitch"] == pytest.approx(math.radians(10))
+            assert picture.joints_rad["HeadPitch"] == pytest.approx(math.radians(10), abs=0.005)
     assert len(tilts[True]) > 20
     assert max(tilts[True]) > math.radians(0.5)
     assert max(tilts[False]) < 1e-6
@@ -129,10 +127,9 @@ def test_pictures_on_the_way_shake(tmp_path: Path):
 
 def test_localize_says_what_is_missing(walked: Path, tmp_path: Path):
     done = call("localize", walked, "-o", tmp_path / "out")
-    said = " ".join(done.output.split())
     assert done.exit_code == 2
     for words in ("0 stereo pairs", "/bottom, /top", "open_pictures"):
-        assert words in said
+        assert words in said(done)
 
 
 def test_the_same_arguments_give_the_same_bytes(walked: Path, tmp_path: Path):

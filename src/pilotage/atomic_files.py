@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from io import FileIO
 from pathlib import Path
 from typing import Self
@@ -38,6 +38,17 @@ def produce_atomically(path: Path, produce: Callable[[Path], object]) -> None:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def write_each(writes: Iterable[Callable[[], object]]) -> list[RunError]:
+    """Do each write, also after one that failed, and return the faults."""
+    faults = []
+    for write in writes:
+        try:
+            write()
+        except RunError as fault:
+            faults.append(fault)
+    return faults
 
 
 class GrowingFile:

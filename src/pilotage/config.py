@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from pilotage.errors import InputError
+from pilotage.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from pilotage import JudgeConfig, OdometryConfig
@@ -61,7 +60,7 @@ class UserConfig:
             if name not in known:
                 raise InputError(
                     f"{self.pair_sources.get(name, 'config')}: {PAIRS}.{name}: the recording has no"
-                    f" such stereo pair; it has {', '.join(known)}{_hint(name, known)}"
+                    f" such stereo pair; it has {', '.join(known)}{did_you_mean(name, known)}"
                 )
 
 
@@ -115,18 +114,13 @@ def _check(
     for key in values:
         if key not in known:
             raise InputError(
-                f"{where}: unknown key {place}{key}{_hint(key, known)}; known are"
+                f"{where}: unknown key {place}{key}{did_you_mean(key, known)}; known are"
                 f" {', '.join(known)}"
             )
     try:
         kind.from_dict(dict(values))
     except (ValueError, TypeError) as error:
         raise InputError(f"{where}: {place}{error}") from error
-
-
-def _hint(key: str, known: Sequence[str]) -> str:
-    near = get_close_matches(key, known, 1)
-    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class PilotageError(Exception):
     """Base of every error this package raises on purpose."""
@@ -18,3 +21,14 @@ class RunError(PilotageError):
 
 class DeviceError(PilotageError):
     """A robot or camera that is closed, gone or silent; the command line exits with 1."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return which of `known` a misspelt name most likely means; None where none is near."""
+    return next(iter(get_close_matches(name, list(known), 1)), None)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the end of a message about a misspelt name; empty where no known one is near."""
+    near = nearest(name, known)
+    return f"; did you mean {near}?" if near else ""

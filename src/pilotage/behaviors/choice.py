@@ -9,7 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pilotage.calibration.rig_calibration import is_of_pairs, looks_down
+from pilotage.calibration.rig_calibration import FORWARD_WORDS, is_of_pairs, looks_down
 from pilotage.config import UserConfig
 from pilotage.errors import InputError
 from pilotage.recordings.recording import OpenedPairs, Recording, open_pairs, open_recording
@@ -17,7 +17,6 @@ from pilotage.recordings.recording import OpenedPairs, Recording, open_pairs, op
 if TYPE_CHECKING:
     from pilotage import OdometryConfig, StereoOdometry
 
-FORWARD_WORDS = ("front", "forward")
 NOT_PLACED = "nothing says where it sits on the robot; add its robot_from_left"
 
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pilotage.atomic_files import write_each
 from pilotage.behaviors.contact_sheet import ContactSheet
 from pilotage.behaviors.summary import Cost, name_of, peak_rss_mb, settle, summarize
-from pilotage.errors import InputError, RunError
+from pilotage.errors import InputError
 from pilotage.pose_files import PoseRecord
 from pilotage.recordings.recording import BadFrame, Recording, StereoFrame
 from pilotage.results import ResultsFolder
@@ -133,19 +134,15 @@ class _Run:
             error=error,
             warnings=self.warnings,
         )
-        faults = []
-        writes: tuple[Callable[[], None], ...] = (
-            lambda: self.folder.write_trajectory(records),
-            lambda: self.folder.write_cloud(points, greys),
-            lambda: self.folder.write_truth(truth_records(self.recording)),
-            lambda: self.folder.write_pictures(self.sheet.jpeg()),
-            lambda: self.folder.write_summary(summary),
+        faults = write_each(
+            [
+                lambda: self.folder.write_trajectory(records),
+                lambda: self.folder.write_cloud(points, greys),
+                lambda: self.folder.write_truth(truth_records(self.recording)),
+                lambda: self.folder.write_pictures(self.sheet.jpeg()),
+                lambda: self.folder.write_summary(summary),
+            ]
         )
-        for write in writes:
-            try:
-                write()
-            except RunError as fault:
-                faults.append(fault)
         if faults and error is None:
             raise faults[0]
         return summary

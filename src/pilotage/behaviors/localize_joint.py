@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pilotage.atomic_files import write_each
 from pilotage.behaviors.choice import Choice, Source
 from pilotage.behaviors.contact_sheet import sheets_jpeg
 from pilotage.behaviors.court import Court, Decision, record_of_tracked
@@ -175,13 +176,7 @@ class _Run:
             lambda: self.folder.write_pictures(sheets_jpeg([t.sheet for t in self.tracks])),
             lambda: self.folder.write_summary(summary),
         ]
-        faults = []
-        for write in writes:
-            try:
-                write()
-            except RunError as fault:
-                faults.append(fault)
-        return faults
+        return write_each(writes)
 
 
 def _up_to_common_end(results: Sequence[Sequence[Tracked]]) -> list[list[Tracked]]:

@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from pilotage import Transform
 from pilotage.recordings.mcap_writer import ROBOT, McapWriter
 from pilotage.simulation import Simulation
-from pilotage.simulation.body import Pose2
 from pilotage.simulation.camera_group import CameraGroup
-from pilotage.simulation.scene import yaw_quaternion
 
 ODOM = "odom"
 LATEST_NS = 150_000_000  # no picture was taken longer before it is there; poses are kept for longer
@@ -71,7 +69,7 @@ class Recorder:
         if now_ns <= self._newest_note_ns:
             return
         self._newest_note_ns = now_ns
-        odom_from_robot = _planar(body.odometry)
+        odom_from_robot = body.odometry.at_height()
         forward, left, turn = body.motion
         self._writer.write_odometry(
             timestamp_ns=now_ns,
@@ -99,7 +97,3 @@ class Recorder:
     def _write_truth_of(self, time_ns: int) -> None:
         pose = self._simulation.robot_pose(time_ns)
         self._writer.write_truth(timestamp_ns=time_ns, world_from_body=pose)
-
-
-def _planar(pose: Pose2) -> Transform:
-    return Transform(translation_m=[pose[0], pose[1], 0.0], quaternion_wxyz=yaw_quaternion(pose[2]))

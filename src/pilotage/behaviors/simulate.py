@@ -11,10 +11,13 @@ import numpy as np
 
 from pilotage.behaviors.recorder import Moment, Recorder
 from pilotage.errors import InputError
+from pilotage.recordings.mcap_index import find_file, read_metadata
 from pilotage.recordings.mcap_writer import McapWriter
+from pilotage.recordings.recording import SIMULATION
 from pilotage.simulation import Drive, RobotModel, Simulation
 from pilotage.simulation.camera_faults import written_rig
 from pilotage.simulation.camera_group import camera_groups
+from pilotage.simulation.origin import Origin, origin_of
 from pilotage.simulation.sensor import Sensor
 
 OnMoment = Callable[[Moment], None]
@@ -51,13 +54,15 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
     """
     if not 0.5 <= rate_hz <= 60:
         raise InputError(f"rate {rate_hz:g} Hz: must lie from 0.5 to 60")
-    chosen = tuple(robot.pairs) if pairs is None else tuple(pairs)
-    rigs = {pair: robot.stereo_rig(simulation, pair, width_px, sensor.readout_s) for pair in chosen}
-    groups = camera_groups(
-        simulation, robot, sensor, width_px=width_px, seed=simulation.world.seed, pairs=chosen
-    )
+    rigs = robot.stereo_rigs(simulation, width_px, pairs, sensor.readout_s)
+    cameras, seed = robot.pair_lenses(rigs), simulation.world.seed
+    groups = camera_groups(simulation, cameras, sensor, seed=seed)
     way = Way(simulation)
+    origin = origin_of(
+        simulation, robot, drive, sensor, width_px=width_px, rate_hz=rate_hz, pairs=tuple(rigs)
+    )
     with McapWriter(out) as writer:
+        writer.write_metadata(SIMULATION, origin.to_record())
         for pair, rig in rigs.items():
             left, right = robot.pairs[pair]
             written = written_rig(rig, simulation.faults, pair)
@@ -74,6 +79,16 @@ def record_drive(  # noqa: PLR0913, what a recording is made of
             on_moment(moment_of(simulation, drive, recorder))
         recorder.finish()
     return Recorded(recorder.shots, way.length_m, simulation.time_ns * 1e-9, drive.has_arrived)
+
+
+def read_origin(path: str | Path) -> Origin | None:
+    """Return with what a recording was simulated, None where it does not say so.
+
+    InputError where the recording is no MCAP file, or what it says cannot be.
+    """
+    file = find_file(Path(path))
+    record = read_metadata(file, SIMULATION)
+    return None if record is None else Origin.from_record(record, f"{file}: {SIMULATION}")
 
 
 def moment_of(simulation: Simulation, drive: Drive, recorder: Recorder) -> Moment:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from pilotage import Transform
 from pilotage.behaviors.recorder import Recorder
@@ -20,11 +21,13 @@ from pilotage.calibration.nao_head import (
 )
 from pilotage.errors import InputError, RunError
 from pilotage.recordings.mcap_writer import ROBOT, McapWriter
+from pilotage.recordings.recording import SIMULATION
 from pilotage.robots.robot import HeadAngles
 from pilotage.robots.simulated import SimulatedNao
 from pilotage.simulation import Drive, RobotModel, Simulation
 from pilotage.simulation.camera_group import CameraGroup, camera_groups
 from pilotage.simulation.nao import Nao
+from pilotage.simulation.origin import origin_of
 from pilotage.simulation.sensor import Sensor
 
 TORSO, NECK, HEAD = "torso", "neck", "head"
@@ -65,6 +68,14 @@ class StopPlan:
                     f"the nearest is {near}"
                 )
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as a recording holds it."""
+        looks_rad = [list(look) for look in self.looks]
+        return {
+            "steps": self.steps, "looks_rad": looks_rad, "crouches": self.crouches,
+            "walking_hz": self.walking_hz,
+        }  # fmt: skip
+
 
 def record_stops(  # noqa: PLR0913, what a recording is made of
     *,
@@ -83,13 +94,13 @@ def record_stops(  # noqa: PLR0913, what a recording is made of
     recorded; RunError when the file cannot be written, or head or posture do not get where they are
     to be; what was written stays in `<out>.part`.
     """
-    cameras = {
-        name: robot.lens.camera(width_px, number) for number, name in enumerate(robot.singles)
-    }
-    groups = camera_groups(simulation, robot, sensor, width_px=width_px, seed=simulation.world.seed)
+    cameras, seed = robot.single_lenses(width_px), simulation.world.seed
+    groups = camera_groups(simulation, cameras, sensor, seed=seed)
+    origin = origin_of(simulation, robot, drive, sensor, width_px=width_px, stops=plan.to_dict())
     with McapWriter(out) as writer, SimulatedNao(simulation) as nao:
-        for name, camera in cameras.items():
-            writer.add_camera(name, camera)
+        writer.write_metadata(SIMULATION, origin.to_record())
+        for name, group in cameras.items():
+            writer.add_camera(name, group[name])
         seats = {(HEAD, name): head_from_camera(name) for name in cameras}
         writer.add_static_transforms(seats, timestamp_ns=simulation.time_ns)
         recorder = _NaoRecorder(simulation, groups, writer)
@@ -116,14 +127,14 @@ class _NaoRecorder(Recorder):
 
     def note(self) -> None:
         """Write the head's angles beside odometry, moving frames and truth, once for each time."""
-        now_ns, head = self._simulation.time_ns, self._nao.head
+        now_ns, head = self._simulation.time_ns, self._nao.told_head
         if now_ns > self._newest_note_ns:
             angles = {"HeadYaw": head.yaw_rad, "HeadPitch": head.pitch_rad}
             self._writer.write_joints(timestamp_ns=now_ns, positions_rad=angles)
         super().note()
 
     def _moving_frames(self) -> dict[tuple[str, str], Transform]:
-        head = self._nao.head
+        head = self._nao.told_head
         return {
             (ROBOT, TORSO): self._nao.robot_from_torso,
             (TORSO, NECK): torso_from_neck(head.yaw_rad),
@@ -197,7 +208,8 @@ class _Walk:
 
     def _look(self, look: HeadAngles) -> None:
         goal = self._nao.turn_head(look)
-        self._wait(lambda: self._nao.state().head == goal)
+        # The true angles: what the encoders tell never meets the goal.
+        self._wait(lambda: self._body.head == goal)
 
     def _wait(self, is_done: Callable[[], bool]) -> None:
         """Let time pass until it is done, and then until it has settled."""

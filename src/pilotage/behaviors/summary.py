@@ -18,6 +18,7 @@ from pilotage.evaluation.verdict import calibration_words
 from pilotage.pose_files import PoseRecord
 from pilotage.provenance import program_commit
 from pilotage.reasons import reason_remedy, reason_words
+from pilotage.recordings.recording import SIMULATION, metadata_of
 
 if TYPE_CHECKING:
     from pilotage import CalibrationCheck, StereoOdometry
@@ -109,8 +110,15 @@ def describe_run(
             "start": chosen.start,
             "end": chosen.stop,
             "every": chosen.step,
+            "simulated": _simulated(recording),
         },
     }
+
+
+def _simulated(recording: Recording) -> str | None:
+    """Return in a line with what a recording was simulated; None of a real one."""
+    record = metadata_of(recording, SIMULATION)
+    return None if record is None else record.get("words", "")
 
 
 def peak_rss_mb() -> float:

@@ -14,7 +14,6 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +22,13 @@ import yaml
 from pilotage import StereoRig, Transform
 from pilotage.calibration.document import Section, read_documents
 from pilotage.calibration.own import own_values, read_own
-from pilotage.errors import InputError
+from pilotage.errors import InputError, did_you_mean
 
 PAIRS = "pairs"
 # An optical axis within so much of straight down sees the ground, whatever stands around.
 DOWN_WITHIN_DEG = 35.0
 DOWN_WORDS = ("down", "nadir", "bottom", "ground")
+FORWARD_WORDS = ("front", "forward")  # how the name of a pair that looks ahead begins
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,7 @@ def _named(section: Section) -> Section:
 def missing_pair(source: str, name: str, names: Iterable[str]) -> InputError:
     """Return the error that names a missing pair, those there are, and the nearest."""
     known = list(names)
-    near = get_close_matches(name, known, 1)
-    hint = f"; did you mean {near[0]}?" if near else ""
+    hint = did_you_mean(name, known)
     return InputError(f"{source}: has no pair {name!r}; there are: {', '.join(known)}{hint}")
 
 

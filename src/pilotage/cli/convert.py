@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pilotage.cli import options
 from pilotage.cli.errors import errors_to_exit, say_warning, stop_on_terminate
 
 if TYPE_CHECKING:
@@ -31,20 +32,9 @@ def convert(  # noqa: PLR0913, PLR0917, an argument for each option
     recording: Annotated[Path, typer.Argument(help="Folder or file of a stereo camera.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="New folder, or .mcap file.")],
     to: Annotated[Target, typer.Option(help="Format to write.")],
-    calibration: Annotated[
-        Path | None,
-        typer.Option(help="Calibration YAML, instead of the recording's own.", show_default=False),
-    ] = None,
-    rate_hz: Annotated[
-        float | None,
-        typer.Option(help="Pairs a second, where the recording has no times.", show_default=False),
-    ] = None,
-    pair: Annotated[
-        str | None,
-        typer.Option(
-            help="Stereo pair of a recording with several: front, down.", show_default=False
-        ),
-    ] = None,
+    calibration: options.Calibration = None,
+    rate_hz: options.RateHz = None,
+    pair: options.Pair = None,
     debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
 ) -> None:
     """Example: pilotage convert recordings/street -o street.mcap --to mcap

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pilotage.behaviors.choice import Use
+from pilotage.cli import options
 from pilotage.cli.errors import (
     FAILED,
     errors_to_exit,
@@ -26,16 +27,8 @@ if TYPE_CHECKING:
 def localize(  # noqa: PLR0913, PLR0917, an argument for each option
     recording: Annotated[Path, typer.Argument(help="Folder, .mcap or video of a stereo camera.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")] = Path("out"),
-    calibration: Annotated[
-        Path | None,
-        typer.Option(help="Calibration YAML, instead of the recording's own.", show_default=False),
-    ] = None,
-    pair: Annotated[
-        str | None,
-        typer.Option(
-            help="Stereo pair of a recording with several: front, down.", show_default=False
-        ),
-    ] = None,
+    calibration: options.Calibration = None,
+    pair: options.Pair = None,
     use: Annotated[
         Use | None,
         typer.Option(
@@ -55,10 +48,7 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
     ] = None,
-    rate_hz: Annotated[
-        float | None,
-        typer.Option(help="Pairs a second, where the recording has no times.", show_default=False),
-    ] = None,
+    rate_hz: options.RateHz = None,
     every: Annotated[int, typer.Option(help="Take each n-th pair only.")] = 1,
     start: Annotated[int, typer.Option(help="First pair to take, counted from 0.")] = 0,
     end: Annotated[

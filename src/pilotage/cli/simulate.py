@@ -23,7 +23,7 @@ from pilotage.cli.errors import (
 if TYPE_CHECKING:
     from pilotage.behaviors.stop_and_go import StopPlan
     from pilotage.calibration.nao_head import HeadAngles
-    from pilotage.simulation import RobotModel, World
+    from pilotage.simulation import Body, RobotModel, World
 
 RECORDING = "recording.mcap"
 YARD = "yard"
@@ -90,6 +90,13 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         float,
         typer.Option(help="Pictures a second on the way, 0 for none.", rich_help_panel=NAO_OPTIONS),
     ] = 0.0,
+    encoders: Annotated[
+        float,
+        typer.Option(
+            help="How much the head's encoders err: 1 as a Nao's, 0 not at all.",
+            rich_help_panel=NAO_OPTIONS,
+        ),
+    ] = 1.0,
     faults: Annotated[
         Path | None, typer.Option(help="YAML list of faults: name, onset_s, size, camera.")
     ] = None,
@@ -117,7 +124,8 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         loaded = _load(world, seed, path or model.paths[0], _options(ground, settings or []))
         acting = read_faults(faults) if faults is not None else ()
         sensor = read_sensor(camera)
-        simulation = Simulation(loaded, robot, seed=seed, faults=acting)
+        body = _body(model, encoders)
+        simulation = Simulation(loaded, body, seed=seed, faults=acting)
         path = _fitting(loaded, model, path)
         drive = Drive(simulation, path, speed_m_s=model.speed_m_s if speed is None else speed)
         shots, file = "looks" if plan else "pairs", _prepare(out)
@@ -178,6 +186,18 @@ def _plan(
         crouches=crouch,
         walking_hz=walking_hz,
     )
+
+
+def _body(model: RobotModel, encoders: float) -> Body:
+    """Return the robot's body, with encoders that err so much where it has a head."""
+    from pilotage.errors import InputError
+    from pilotage.simulation import Encoders
+
+    if model.singles:
+        return model.make_body(encoders=Encoders().scaled(encoders))
+    if encoders != 1:
+        raise InputError("--encoders is for a robot with a head: --robot nao")
+    return model.make_body()
 
 
 def _look(word: str) -> HeadAngles:

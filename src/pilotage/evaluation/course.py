@@ -84,12 +84,3 @@ def truth_in_view(course: Course, comparison: Comparison) -> Array:
     known = has_pose(comparison.truth)
     laid[known] = (fit.apply(comparison.truth[known])[:, :3, 3] - origin) @ course.axes.T
     return laid
-
-
-def way_m(position_m: Array) -> Array:
-    """Return the (N,) distance travelled; NaN where there is no position."""
-    known = np.isfinite(position_m).all(axis=1)
-    way = np.full(len(position_m), np.nan)
-    steps = np.linalg.norm(np.diff(position_m[known], axis=0), axis=1)
-    way[known] = np.concatenate([[0.0], np.cumsum(steps)])[: known.sum()]
-    return way

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from pilotage.evaluation.course import way_m
 from pilotage.evaluation.metrics import position_errors
 from pilotage.evaluation.plots import (
     BLACK,
@@ -26,6 +25,7 @@ from pilotage.evaluation.plots import (
     thin,
     unit_of,
 )
+from pilotage.evaluation.poses import way_m
 from pilotage.evaluation.truth import poses_of
 from pilotage.judge_files import JudgeRow
 from pilotage.judge_words import chi_square_limit

@@ -19,6 +19,7 @@ from pilotage.evaluation.poses import (
     align,
     inverse,
     rotation_vectors,
+    way_m,
 )
 
 Alignment = Literal["se3", "origin", "none"]
@@ -134,11 +135,7 @@ def has_pose(poses: Array) -> NDArray[np.bool_]:
 
 def distance_along(truth: Array) -> Array:
     """Return the (N,) way travelled since the first known pose; NaN where unknown."""
-    known = has_pose(truth)
-    distances = np.full(len(truth), np.nan)
-    steps = np.linalg.norm(np.diff(truth[known, :3, 3], axis=0), axis=1)
-    distances[known] = np.concatenate([[0.0], np.cumsum(steps)])
-    return distances
+    return way_m(np.where(has_pose(truth)[:, None], truth[:, :3, 3], np.nan))
 
 
 def alignment_of(*, estimate: Array, truth: Array, alignment: Alignment) -> Similarity:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pilotage.evaluation.course import Course, way_m
+from pilotage.evaluation.course import Course
 from pilotage.evaluation.metrics import position_errors
-from pilotage.evaluation.poses import Array
+from pilotage.evaluation.poses import Array, way_m
 from pilotage.evaluation.truth import poses_of
 
 if TYPE_CHECKING:

@@ -70,6 +70,15 @@ def interpolate(
     return result
 
 
+def way_m(positions_m: Array) -> Array:
+    """Return the (N,) way since the first of (N, 3) positions; NaN where there is none."""
+    known = np.isfinite(positions_m).all(axis=1)
+    way = np.full(len(positions_m), np.nan)
+    steps = np.linalg.norm(np.diff(positions_m[known], axis=0), axis=1)
+    way[known] = np.concatenate([[0.0], np.cumsum(steps)])[: known.sum()]
+    return way
+
+
 @dataclass(frozen=True)
 class Similarity:
     """`point_in_b = scale * rotation @ point_in_a + translation`."""

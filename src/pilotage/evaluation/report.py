@@ -120,9 +120,11 @@ def _head(results: Results) -> str:
     version = f"Pilotage {summary.get('version', '')}".strip()
     commit = summary.get("commit")
     made = f"{version} ({commit[:12]})" if commit else version
+    simulated = recording.get("simulated")
+    origin = f"<p class='made'>Simulated: {escape(simulated)}</p>" if simulated else ""
     return (
         f"<h1>{escape(recording['name'])}</h1>"
-        f"<p class='made'>{escape(str(recording['path']))} &middot; {escape(made)}</p>"
+        f"<p class='made'>{escape(str(recording['path']))} &middot; {escape(made)}</p>{origin}"
     )
 
 

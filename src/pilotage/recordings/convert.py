@@ -17,7 +17,7 @@ from pilotage.recordings.folder_files import transform_of_pose
 from pilotage.recordings.frames import BadFrame, StereoFrame, Truth
 from pilotage.recordings.kitti_folder import write_kitti
 from pilotage.recordings.mcap_writer import McapWriter
-from pilotage.recordings.recording import Recording
+from pilotage.recordings.recording import SIMULATION, Recording, metadata_of
 
 FOLDER_WRITERS = {"kitti": write_kitti, "euroc": write_euroc}
 TARGETS = (*FOLDER_WRITERS, "mcap")
@@ -102,6 +102,8 @@ def _write_mcap(
     pose = next(poses, None)
     try:
         with writer:
+            if origin := metadata_of(recording, SIMULATION):
+                writer.write_metadata(SIMULATION, origin)
             is_first = True
             for frame in pairs:
                 now_ns = frame.timestamp_ns

@@ -21,6 +21,7 @@ from pilotage.recordings.mcap_index import (
     find_file,
     is_mcap,
     read_index,
+    read_metadata,
 )
 from pilotage.recordings.mcap_motion import read_poses
 from pilotage.recordings.mcap_pairs import (
@@ -123,6 +124,10 @@ class McapRecording:
         poses = read_poses(self._file, topic)
         world_from_left = poses.poses if body_from_left is None else poses.poses @ body_from_left
         return Truth(poses.timestamps_ns, world_from_left)
+
+    def metadata(self, name: str) -> dict[str, str] | None:
+        """Return what the file says of itself under that name; None where it says nothing."""
+        return read_metadata(self._file, name)
 
     def _body_from_left(self, topic: Topic) -> NDArray[np.float64] | None:
         """Return (4, 4), or None where the truth is of the left camera itself."""

@@ -25,6 +25,7 @@ from mcap.records import (
     McapRecord,
     Message,
     MessageIndex,
+    Metadata,
     MetadataIndex,
     Schema,
     Statistics,
@@ -80,6 +81,14 @@ class ContainerWriter:
         if channel.id not in self._channels:
             self._channels[channel.id] = channel
             channel.write(self._chunk.records)
+
+    def add_metadata(self, metadata: Metadata) -> None:
+        """Write names and texts that say something of the whole file."""
+        self.flush()
+        data = record_bytes(metadata)
+        place = MetadataIndex(offset=self._file.size, length=len(data), name=metadata.name)
+        self._write(data)
+        self._metadata_indexes.append(place)
 
     def add_message(self, message: Message) -> None:
         """Put a message of a known channel into the chunk, a new one where it does not fit."""

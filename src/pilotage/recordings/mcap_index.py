@@ -24,6 +24,7 @@ from pilotage.recordings.mcap_records import (
     parse_channel,
     parse_chunk,
     parse_message,
+    parse_metadata,
     parse_schema,
     raw_records,
     split_chunk,
@@ -106,6 +107,25 @@ def read_index(path: Path) -> dict[str, Topic]:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     except DamageError as error:
         raise InputError(f"{path}: {error}; `pilotage recover` keeps what is whole of it") from None
+
+
+def read_metadata(path: Path, name: str) -> dict[str, str] | None:
+    """Return the record of that name that says something of the whole file; None without.
+
+    Of a file that is cut off, what is there. InputError where it is no MCAP file.
+    """
+    try:
+        with path.open("rb") as file:
+            for record in raw_records(file, only=Opcode.METADATA):
+                if record.opcode == Opcode.METADATA and record.is_whole:
+                    found = parse_metadata(record.body)
+                    if found.name == name:
+                        return dict(found.metadata)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    except DamageError as error:
+        raise InputError(f"{path}: {error}; `pilotage recover` keeps what is whole of it") from None
+    return None
 
 
 class _Indexer:

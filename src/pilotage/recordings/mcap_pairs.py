@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pilotage.calibration.rig_calibration import FORWARD_WORDS
 from pilotage.errors import InputError
 from pilotage.recordings import ros_messages as ros
 from pilotage.recordings.mcap_index import Topic
@@ -22,7 +23,6 @@ PAIR_TOLERANCE_NS = 2_000_000
 PICTURE_TOPIC = re.compile(r"(?P<camera>/.+?)/image(_raw|_mono|_color)?(?P<packed>/compressed)?")
 # How the names of a left and a right camera end.
 SIDE_WORDS = (("left", "right"), ("cam0", "cam1"), ("infra1", "infra2"))
-FORWARD_WORDS = ("front", "forward")  # how the name of a pair that looks ahead begins
 INFO = "/camera_info"
 NO_PARTNER = -1
 

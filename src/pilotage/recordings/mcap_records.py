@@ -51,9 +51,10 @@ class RawRecord:
         return len(self.body) == self.size
 
 
-def raw_records(file: BinaryIO) -> Iterator[RawRecord]:
+def raw_records(file: BinaryIO, *, only: int | None = None) -> Iterator[RawRecord]:
     """Yield the records after the magic, up to the footer or the first that is cut short.
 
+    With `only`, those with that opcode; the others are passed over unread.
     Raises DamageError where there is no magic, or a record cannot be one.
     """
     end = file.seek(0, 2)
@@ -65,6 +66,9 @@ def raw_records(file: BinaryIO) -> Iterator[RawRecord]:
         opcode, size = struct.unpack("<BQ", file.read(HEAD_BYTES))
         if opcode == 0 or size > LARGEST_RECORD_BYTES:
             raise DamageError(f"byte {offset}: no record begins with {opcode} and a size of {size}")
+        if only not in (None, opcode, int(Opcode.FOOTER)):
+            offset = file.seek(offset + HEAD_BYTES + size)
+            continue
         body = file.read(min(size, end - offset - HEAD_BYTES))
         record = RawRecord(offset, opcode, size, body)
         yield record

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple, Self
 
 import cv2
 import numpy as np
-from mcap.records import Channel, Message
+from mcap.records import Channel, Message, Metadata
 from numpy.typing import NDArray
 
 from pilotage import Camera, StereoRig, Transform, __version__
@@ -110,6 +110,10 @@ class McapWriter:
                 self.part.rename(self.path)
             except OSError as fault:
                 raise write_error(self.path, fault) from fault
+
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Say something of the whole recording: with what it was simulated."""
+        self._container.add_metadata(Metadata(name=name, metadata=dict(values)))
 
     def add_rig(
         self, rig: StereoRig, *, timestamp_ns: int, left: str = LEFT, right: str = RIGHT

@@ -16,6 +16,7 @@ from pilotage.recordings.frames import BadFrame, StereoFrame, Truth
 
 __all__ = [
     "BadFrame",
+    "HasMetadata",
     "OpenedPairs",
     "Recording",
     "StereoFrame",
@@ -35,6 +36,7 @@ FORMATS = {
 }
 ENTRY_POINTS = "pilotage.recordings"
 NAMELESS = "stereo"  # what the only pair of a recording without names is called
+SIMULATION = "pilotage.simulation"  # metadata that say with what a recording was simulated
 Opened = TypeVar("Opened")
 
 
@@ -57,6 +59,19 @@ class Recording(Protocol):
 
     def truth(self) -> Truth | None:
         """Return the true poses stored with the recording, None without; InputError if broken."""
+
+
+@runtime_checkable
+class HasMetadata(Protocol):
+    """A recording that says something of itself."""
+
+    def metadata(self, name: str) -> Mapping[str, str] | None:
+        """Return what it says under that name; None where it says nothing."""
+
+
+def metadata_of(recording: Recording, name: str) -> Mapping[str, str] | None:
+    """Return what any recording says of itself under that name; None where it says nothing."""
+    return recording.metadata(name) if isinstance(recording, HasMetadata) else None
 
 
 class Format(Protocol):

@@ -56,7 +56,7 @@ class RobotState:
     is_moving: bool
     odometry_from_robot: Transform | None = None
     battery: float | None = None
-    head: HeadAngles | None = None
+    head: HeadAngles | None = None  # as its encoders tell
     posture: str | None = None  # None as well while between two postures
 
 
@@ -95,7 +95,7 @@ class HasHead(Protocol):
     def turn_head(self, head: HeadAngles) -> HeadAngles:
         """Start turning; return the goal as it is obeyed, within joints and shell.
 
-        `RobotState.head` tells when it is there.
+        `RobotState.head` tells when it is there, as well as its encoders know.
         """
 
 

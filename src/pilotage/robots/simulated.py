@@ -6,13 +6,11 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from pilotage import Transform
 from pilotage.errors import DeviceError, InputError
 from pilotage.robots.robot import HeadAngles, RobotState, Velocity
 from pilotage.simulation.body import REST, Motion
 from pilotage.simulation.nao import Nao
 from pilotage.simulation.physics import Simulation
-from pilotage.simulation.scene import yaw_quaternion
 
 
 class SimulatedRobot:
@@ -59,17 +57,14 @@ class SimulatedRobot:
         """Return the state at the simulation's time, see `RobotState`."""
         simulation = self._opened()
         body = simulation.body
-        x_m, y_m, yaw_rad = body.odometry
-        head, posture = (body.head, body.posture) if isinstance(body, Nao) else (None, None)
+        head, posture = (body.told_head, body.posture) if isinstance(body, Nao) else (None, None)
         return RobotState(
             timestamp_ns=simulation.time_ns,
             linear_m_s=body.motion.linear_m_s,
             angular_rad_s=body.motion.angular_rad_s,
             lateral_m_s=body.motion.lateral_m_s,
             is_moving=max(map(abs, body.motion)) > 1e-3,
-            odometry_from_robot=Transform(
-                translation_m=[x_m, y_m, 0.0], quaternion_wxyz=yaw_quaternion(yaw_rad)
-            ),
+            odometry_from_robot=body.odometry.at_height(),
             battery=max(0.0, 1 - body.energy_j / body.capacity_j),
             head=head,
             posture=posture,

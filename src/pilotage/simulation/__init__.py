@@ -4,6 +4,7 @@
 from pilotage.simulation.body import Body, Motion, Pose2
 from pilotage.simulation.clearance import FreeFloor
 from pilotage.simulation.drives import Drive
+from pilotage.simulation.encoders import Encoders
 from pilotage.simulation.faults import Fault, read_faults
 from pilotage.simulation.models import ROBOTS, RobotModel, robot_model
 from pilotage.simulation.paths import DrivePath, parse_path
@@ -17,6 +18,7 @@ __all__ = [
     "Body",
     "Drive",
     "DrivePath",
+    "Encoders",
     "Fault",
     "FreeFloor",
     "Motion",

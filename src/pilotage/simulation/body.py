@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 from pilotage import Transform
 from pilotage.errors import InputError
 from pilotage.simulation.disturbance import Disturbance
+from pilotage.simulation.scene import yaw_quaternion
 
 # A body's parts are called by this prefix in the model: `robot/chassis`.
 PREFIX = "robot/"
@@ -20,6 +21,13 @@ class Pose2(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
+
+    def at_height(self, height_m: float = 0.0) -> Transform:
+        """Return the pose of what stands there upright."""
+        return Transform(
+            translation_m=[self.x_m, self.y_m, height_m],
+            quaternion_wxyz=yaw_quaternion(self.yaw_rad),
+        )
 
 
 class Motion(NamedTuple):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -22,7 +22,6 @@ from pilotage.simulation.camera_faults import (
 from pilotage.simulation.exposure import Exposer, Imager, Picture, Radiance
 from pilotage.simulation.faults import Fault
 from pilotage.simulation.lens import Lens
-from pilotage.simulation.models import RobotModel
 from pilotage.simulation.options import check_seed
 from pilotage.simulation.parallel import in_parallel
 from pilotage.simulation.physics import Simulation
@@ -230,27 +229,18 @@ class CameraGroup:
         return {eye.name: eye.newest_stamp_ns for eye in self._eyes}
 
 
-def camera_groups(  # noqa: PLR0913, what a robot sees with
+def camera_groups(
     simulation: Simulation,
-    robot: RobotModel,
+    cameras: Mapping[str, Mapping[str, Camera]],
     sensor: Sensor,
     *,
-    width_px: int,
     seed: int,
-    pairs: Sequence[str] | None = None,
     pictures: Pictures | None = None,
 ) -> dict[str, CameraGroup]:
-    """Return a robot's cameras by name: the stereo pairs of `pairs`, each with one exposure.
+    """Return the groups of `cameras` by name, each with one exposure; they share one `Pictures`.
 
-    Without `pairs` all there are, and each single camera by itself. They share one `Pictures`.
+    `RobotModel.pair_lenses` and `single_lenses` tell what a robot sees with.
     """
-    cameras: dict[str, Mapping[str, Camera]] = {}
-    for pair in robot.pairs if pairs is None else pairs:
-        rig = robot.stereo_rig(simulation, pair, width_px)
-        cameras[pair] = dict(zip(robot.pairs[pair], (rig.left, rig.right), strict=True))
-    if pairs is None:
-        for number, name in enumerate(robot.singles):
-            cameras[name] = {name: robot.lens.camera(width_px, number)}
     shared = pictures if pictures is not None else Pictures(simulation)
     return {
         name: CameraGroup(simulation, group, sensor, seed=seed, pictures=shared)

@@ -12,6 +12,7 @@ import numpy as np
 
 from pilotage.errors import InputError
 from pilotage.simulation.paths import SPACING_M, Points, parse_path
+from pilotage.simulation.person import SHOULDER_M
 from pilotage.simulation.scene import WALK_PREFIX
 from pilotage.simulation.sight import height_below_m
 from pilotage.simulation.walkers import read_walk
@@ -21,7 +22,6 @@ from pilotage.simulation.world import World, start_of
 EVERY_M = 0.1
 BEYOND_M = 0.35
 FROM_M, TO_M = 0.12, 0.70
-PERSON_M = 0.35  # half of a walking person, with a little room
 SEARCH_HEIGHT_M = 1.0
 LENGTHS_M = (50, 40, 30, 25, 20, 15, 12, 10, 8, 6, 5, 4, 3, 2, 1)
 SUGGESTED = ("closed", "open", "straight")
@@ -108,7 +108,7 @@ class FreeFloor:
     def _touched(self, point: Points) -> str | None:
         for walk in self._walks:
             loop = np.concatenate([walk.points, walk.points[:1]])
-            if _distance_m(point, loop) < self._radius_m + PERSON_M:
+            if _distance_m(point, loop) < self._radius_m + SHOULDER_M:
                 return f"the walking {walk.body}"
         model, data = self._model, self._data
         ground_m = height_below_m(model, data, np.array([*point, SEARCH_HEIGHT_M])) or 0.0

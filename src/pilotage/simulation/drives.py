@@ -46,7 +46,7 @@ class Drive:
         self.progress_m = 0.0
         self.largest_deviation_m = 0.0
         self._simulation = simulation
-        self._speed_m_s = speed_m_s
+        self.speed_m_s = speed_m_s
         position, yaw_rad = self._place()
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         self._points: Points = self.path.points @ np.array([[c, s], [-s, c]]) + position
@@ -59,7 +59,7 @@ class Drive:
 
     def __iter__(self) -> Iterator[int]:
         speed_m_s = self._simulation.body.command(
-            Motion(self._speed_m_s, 0.0, 0.0), self._simulation.time_ns + LIFETIME_NS
+            Motion(self.speed_m_s, 0.0, 0.0), self._simulation.time_ns + LIFETIME_NS
         ).linear_m_s
         allowed_s = PATIENCE * (1 + self.path.length_m / max(speed_m_s, SLOWEST_M_S)) + 10
         periods_left = round(allowed_s * 1e9 / PERIOD_NS)

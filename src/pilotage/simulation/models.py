@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from pilotage import Camera, StereoRig
 from pilotage.calibration.nao_head import FIELD_OF_VIEW_DEG
@@ -60,12 +60,13 @@ class Lens:
 
 @dataclass(frozen=True)
 class RobotModel:
-    """A robot by name. `pairs` are its stereo pairs (left, right), `singles` its other cameras.
+    """A robot by `name`. `pairs` are its stereo pairs (left, right), `singles` its other cameras.
 
     It needs `radius_m` of free floor around its path. Where no path is named, it takes the first
     of `paths` that fits into the world. `body` is `module:Class`.
     """
 
+    name: str
     body: str
     lens: Lens
     radius_m: float
@@ -74,10 +75,10 @@ class RobotModel:
     pairs: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     singles: tuple[str, ...] = ()
 
-    def make_body(self) -> Body:
-        """Return a new body."""
+    def make_body(self, **settings: Any) -> Body:
+        """Return a new body; `settings` are its class's own, `encoders` say."""
         module, _, kind = self.body.partition(":")
-        return cast(Body, getattr(importlib.import_module(module), kind)())
+        return cast(Body, getattr(importlib.import_module(module), kind)(**settings))
 
     def stereo_rig(
         self, simulation: Simulation, pair: str, width_px: int, readout_s: float = 0.0
@@ -97,6 +98,31 @@ class RobotModel:
             readout_s=readout_s,
         )
 
+    def stereo_rigs(
+        self,
+        simulation: Simulation,
+        width_px: int,
+        pairs: Sequence[str] | None = None,
+        readout_s: float = 0.0,
+    ) -> dict[str, StereoRig]:
+        """Return the rigs of `pairs` by name, by default of all; see `stereo_rig`."""
+        names = self.pairs if pairs is None else pairs
+        return {name: self.stereo_rig(simulation, name, width_px, readout_s) for name in names}
+
+    def pair_lenses(self, rigs: Mapping[str, StereoRig]) -> dict[str, dict[str, Camera]]:
+        """Return the cameras of each pair of `rigs`, which fire together, by name."""
+        return {
+            pair: dict(zip(self.pairs[pair], (rig.left, rig.right), strict=True))
+            for pair, rig in rigs.items()
+        }
+
+    def single_lenses(self, width_px: int) -> dict[str, dict[str, Camera]]:
+        """Return each single camera, which fires by itself, by name."""
+        return {
+            name: {name: self.lens.camera(width_px, number)}
+            for number, name in enumerate(self.singles)
+        }
+
     def chosen_pairs(self, names: str | None) -> tuple[str, ...]:
         """Return the pairs of a list such as `front,down`, all without one; InputError else."""
         if names is None:
@@ -108,8 +134,9 @@ class RobotModel:
         return chosen
 
 
-ROBOTS = {
-    "rover": RobotModel(
+_MODELS = (
+    RobotModel(
+        name="rover",
         body="pilotage.simulation.rover:Rover",
         # The rover paper's camera.
         lens=Lens(1280, 855.0, (-0.12, 0.03, 0.0003, -0.0002, 0.0), (3.0, -4.0)),
@@ -121,7 +148,8 @@ ROBOTS = {
         speed_m_s=0.4,
         paths=("closed-10m", *SMALL_PATHS),
     ),
-    "nao": RobotModel(
+    RobotModel(
+        name="nao",
         body="pilotage.simulation.nao:Nao",
         lens=Lens(
             1280,
@@ -134,7 +162,8 @@ ROBOTS = {
         speed_m_s=0.095,
         paths=SMALL_PATHS,
     ),
-}
+)
+ROBOTS = {model.name: model for model in _MODELS}
 
 
 def robot_model(name: str) -> RobotModel:

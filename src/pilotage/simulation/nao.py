@@ -23,11 +23,11 @@ from pilotage.calibration.nao_head import (
 from pilotage.errors import InputError
 from pilotage.simulation.body import PREFIX, REST, Motion, Pose2
 from pilotage.simulation.disturbance import Disturbance
+from pilotage.simulation.encoders import Encoders
 from pilotage.simulation.gait import Gait
 from pilotage.simulation.odometry import advanced
 from pilotage.simulation.optics import camera_element
 from pilotage.simulation.options import unknown
-from pilotage.simulation.scene import yaw_quaternion
 from pilotage.simulation.sight import free_m, height_below_m
 
 FOVY_RAD = math.radians(FIELD_OF_VIEW_DEG[1])
@@ -45,17 +45,23 @@ PUSH_DECAY_S = 0.25
 
 
 class Nao:
-    """A Nao of version 4 or 5; frames `top` and `bottom`. It halts before what is in its way."""
+    """A Nao of version 4 or 5; frames `top` and `bottom`. It halts before what is in its way.
+
+    `head` is true, `told_head` is what its `encoders` say.
+    """
 
     faults = frozenset({"slip", "slip_left", "slip_right", "push_forward", "push_left"})
     capacity_j = CAPACITY_J
 
-    def __init__(self) -> None:
+    def __init__(self, encoders: Encoders | None = None) -> None:
+        self.encoders = Encoders() if encoders is None else encoders
         self.odometry = Pose2(0, 0, 0)
         self.motion = REST
         self.energy_j = 0.0
         self.head = HeadAngles(0.0, 0.0)
         self._head_goal = self.head
+        self._head_way = np.zeros(2)
+        self._time_ns = 0
         self._posture = "stand"
         self._torso_m = TORSO_M["stand"]
         self._wanted, self._until_ns = REST, 0
@@ -72,7 +78,8 @@ class Nao:
         return _BODY.format(neck=HEAD_Z_M, cameras=cameras)
 
     def bind(self, model: Any, data: Any, start: Transform, seed: int) -> None:
-        """Stand at `start`; `seed` is that of the walk's errors."""
+        """Stand at `start`; `seed` is that of the walk's errors and of the encoders' noise."""
+        self._seed = seed
         self._model, self._data = model, data
         self._mocaps = [model.body(PREFIX + n).mocapid[0] for n in ("robot", "torso")]
         joints = [model.joint(PREFIX + n) for n in ("head_yaw", "head_pitch")]
@@ -89,6 +96,11 @@ class Nao:
     def steps(self) -> int:
         """Return how many steps it has taken."""
         return self._gait.steps
+
+    @property
+    def told_head(self) -> HeadAngles:
+        """Return the angles that the encoders tell; asked again at the same time, the same."""
+        return self.encoders.read(self.head, self._head_way, seed=[self._seed, self._time_ns])
 
     @property
     def robot_from_torso(self) -> Transform:
@@ -128,7 +140,7 @@ class Nao:
 
     def after_step(self, time_ns: int) -> None:
         """Move the true body; the odometry believes in the walk without its errors."""
-        del time_ns
+        self._time_ns = time_ns
         step_s = self._step_s
         self.odometry = advanced(self.odometry, self.motion, step_s)
         true = self._gait.true_motion(self.motion)
@@ -142,11 +154,16 @@ class Nao:
         )
         self._place = advanced(self._place, moved, step_s)
         self._torso_m = toward(self._torso_m, TORSO_M[self._posture], RISE_M_S * step_s)
-        self.head = self.head.turned(self._head_goal, step_s)
+        self._turn_head(step_s)
         self.energy_j += (IDLE_W if self.motion == REST else WALKING_W) * step_s
         if moved != REST:
             self._follow_ground()
         self._show()
+
+    def _turn_head(self, step_s: float) -> None:
+        before, self.head = self.head, self.head.turned(self._head_goal, step_s)
+        way = np.sign(np.subtract(self.head, before))
+        self._head_way = np.where(way == 0, self._head_way, way)
 
     def _follow_ground(self) -> None:
         above = np.array([self._place.x_m, self._place.y_m, self._height_m + 0.1])
@@ -172,10 +189,7 @@ class Nao:
     def _show(self) -> None:
         """Hand the pose to MuJoCo."""
         ground, torso = self._mocaps
-        place = Transform(
-            translation_m=[self._place.x_m, self._place.y_m, self._height_m],
-            quaternion_wxyz=yaw_quaternion(self._place.yaw_rad),
-        )
+        place = self._place.at_height(self._height_m)
         shaken = place @ self._gait.sway() @ self.robot_from_torso
         for mocap, pose in ((ground, place), (torso, shaken)):
             self._data.mocap_pos[mocap] = pose.translation_m

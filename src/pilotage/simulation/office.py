@@ -19,7 +19,7 @@ from pilotage.simulation.furniture import (
 from pilotage.simulation.grounds import FLOORS
 from pilotage.simulation.marks import add_mark
 from pilotage.simulation.options import chosen, ranged
-from pilotage.simulation.person import add_person, round_walk
+from pilotage.simulation.person import SHOULDER_M, add_person, round_walk
 from pilotage.simulation.room import (
     DOOR_M,
     Wall,
@@ -34,7 +34,6 @@ from pilotage.simulation.scene import Scene
 
 BEHIND_M = 2.4  # from the start to the wall behind it
 LOOP_M = 1.05  # radius of the person's round about the table
-SHOULDER_M = 0.35  # half of a walking person, with a little room
 PIECES: tuple[Callable[[Scene, Wall, float], None], ...] = (add_desk, add_shelf, add_cabinet)
 
 

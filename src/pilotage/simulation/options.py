@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 import operator
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
-from pilotage.errors import InputError
+from pilotage.errors import InputError, nearest
 
 Options = TypeVar("Options")
 
@@ -57,8 +56,8 @@ def unknown(name: str, known: Collection[str]) -> str:
     """Return the end of a message about a name that is none of `known`."""
     if not known:
         return "is unknown; there are none here"
-    near = difflib.get_close_matches(name, list(known), n=1)
-    meant = f"did you mean {near[0]!r}? " if near else ""
+    near = nearest(name, known)
+    meant = f"did you mean {near!r}? " if near else ""
     return f"is unknown; {meant}Use one of {', '.join(sorted(known))}"
 
 

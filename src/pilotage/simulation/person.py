@@ -10,6 +10,7 @@ import numpy as np
 from pilotage.simulation.scene import Scene
 from pilotage.simulation.walkers import Walk
 
+SHOULDER_M = 0.35  # half of somebody who walks, with a little room
 SKIN = (0.78, 0.58, 0.46)
 
 

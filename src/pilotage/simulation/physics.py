@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pilotage import Transform
 from pilotage.errors import InputError, RunError
-from pilotage.simulation.body import PREFIX, Body
+from pilotage.simulation.body import PREFIX, Body, Pose2
 from pilotage.simulation.disturbance import disturbance
 from pilotage.simulation.faults import Fault, check_faults
 from pilotage.simulation.history import PoseHistory
@@ -20,7 +20,7 @@ from pilotage.simulation.mark_covers import cover_marks
 from pilotage.simulation.models import robot_model
 from pilotage.simulation.optics import MUJOCO_FROM_CAMERA
 from pilotage.simulation.options import check_seed, unknown
-from pilotage.simulation.scene import WALK_PREFIX, yaw_quaternion
+from pilotage.simulation.scene import WALK_PREFIX
 from pilotage.simulation.sight import height_below_m
 from pilotage.simulation.solids import Solids
 from pilotage.simulation.walkers import Walk, read_walk
@@ -58,6 +58,7 @@ class Simulation:
         self.world = world
         self.body = robot_model(body).make_body() if isinstance(body, str) else body
         self.faults = tuple(faults)
+        self.seed = check_seed(seed)
         spec = world.spec()
         self._walks = [
             read_walk(text.name, text.data)
@@ -82,7 +83,7 @@ class Simulation:
         self._remembered = np.array(sorted(mounts | set(self._parts.values())))
         self._history = PoseHistory(len(self._remembered), REMEMBERED_STEPS, STEP_NS)
         self._time_ns = 0
-        self._begin(check_seed(seed))
+        self._begin(self.seed)
 
     @property
     def time_ns(self) -> int:
@@ -145,9 +146,7 @@ class Simulation:
         height_m = height_below_m(self.model, self.data, top)
         if height_m is None:
             raise InputError(f"{self.world.name}: no ground below the start {x_m, y_m}; add one")
-        start = Transform(
-            translation_m=[x_m, y_m, height_m], quaternion_wxyz=yaw_quaternion(yaw_rad)
-        )
+        start = Pose2(x_m, y_m, yaw_rad).at_height(height_m)
         self.body.bind(self.model, self.data, start, seed)
         self._move_things(0)
         self._check_room()
