@@ -181,7 +181,7 @@ unsigned Judge::most_plausible(unsigned candidates, const Comparison& seen,
 /// it was set aside for, and of a camera that was turned nothing is seen while the robot stands.
 bool Judge::agrees_as_usual(int pair, unsigned chosen, const Comparison& seen) const {
   const std::size_t n = sources_.size(), i = static_cast<std::size_t>(pair);
-  if (seen.ways[i] < least_way * sources_[i].way_apart) return false;
+  if (seen.ways[i] < least_way * sources_[i].way_apart.value_or(0)) return false;
   for (std::size_t j = 0; j < n; ++j) {
     if (j == i || !(chosen >> j & 1u) || !sources_[j].is_believed) continue;
     const Vector6d squares = seen.differences[i * n + j].cwiseAbs2();
@@ -190,14 +190,21 @@ bool Judge::agrees_as_usual(int pair, unsigned chosen, const Comparison& seen) c
   return true;
 }
 
-/// Sets aside whom the others contradict, or who began anew; takes back who agreed for long enough.
+/// Sets aside whom the others contradict, or who was lost or began anew; takes back who agreed for
+/// long enough.
 void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen, Instant& now) {
   const std::size_t n = sources_.size();
   const Instant* start = window_start(now.timestamp_ns);
   bool anyone_believed = false;
   for (std::size_t i = 0; i < n; ++i) {
-    if (!(candidates >> i & 1u)) continue;
     Source& source = sources_[i];
+    if (!(candidates >> i & 1u)) {
+      // Where it says to be again must be tested before it moves what is known.
+      source.is_believed = source.segment < 0;  // not seen yet
+      source.way_apart.reset();
+      source.agreeing_since_ns = now.timestamp_ns;
+      continue;
+    }
     const bool is_new = source.segment >= 0 && source.segment != now.sights[i].segment;
     const bool is_tested = !start || sees_both(static_cast<int>(i), *start, now);
     const bool fits = chosen >> i & 1u;
@@ -214,10 +221,11 @@ void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen
     const double agreed_s = seconds_between(source.agreeing_since_ns, now.timestamp_ns);
     if ((chosen >> i & 1u) && (!anyone_believed || agreed_s >= config_.rejoin_s)) {
       source.is_believed = true;
+      source.way_apart.reset();
     }
     if (source.is_believed) continue;
     now.joint.pairs[i].belief = Belief::disagrees;
-    now.is_disputed = true;
+    now.is_disputed |= source.way_apart.has_value();
   }
 }
 
@@ -242,9 +250,8 @@ void Judge::choose_by_m_q(Instant& now) {
     }
   }
   for (std::size_t i = 0; i < sources_.size(); ++i) {
-    if (!now.sights[i].has_pose) continue;
     sources_[i].is_believed = i == best;
-    if (i != best) now.joint.pairs[i].belief = Belief::disagrees;
+    if (now.sights[i].has_pose && i != best) now.joint.pairs[i].belief = Belief::disagrees;
   }
 }
 

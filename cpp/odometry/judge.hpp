@@ -98,7 +98,9 @@ class Judge {
     bool is_believed = true;
     bool was_joined = false;  ///< at the last instant
     std::int64_t agreeing_since_ns = 0;
-    double way_apart = 0;  ///< how far it moved within the window when it was last set aside
+    /// How far it moved within the window when the others last contradicted it; none if it was set
+    /// aside only because it was lost.
+    std::optional<double> way_apart;
     double usual_m_q = 0, usual_inliers = 0;
     /// Joint world from the pair's own, fixed when it was believed, and what was known then.
     std::optional<Transform> joint_from_own;
