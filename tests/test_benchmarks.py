@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from synthetic import SyntheticRecording
@@ -118,7 +119,12 @@ def test_drives_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
     assert "give another" in other.stderr
 
 
-def test_correlation_prints_its_tables() -> None:
+def test_correlation_prints_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    standpoint = tmp_path / "nao_marks" / "point1"
+    standpoint.mkdir(parents=True)
+    grain = np.random.default_rng(1).integers(0, 256, (480, 640), np.uint8)
+    cv2.imwrite(str(standpoint / "imagebottom.jpg"), cv2.GaussianBlur(grain, (0, 0), 1.5))
+    monkeypatch.setenv("PILOTAGE_DATA", str(tmp_path))
     done = run_benchmark("correlation.py", "--surfaces", "gravel")
     assert done.returncode == 0, done.stdout + done.stderr
     row = next(line for line in done.stdout.splitlines() if line.startswith("| gravel, 0.7 mm"))
@@ -129,6 +135,7 @@ def test_correlation_prints_its_tables() -> None:
     assert float(rms) < 0.15
     assert float(bias) < 0.05
     assert motions == "12 of 12"
+    assert "| nao_marks, point1 |" in done.stdout
     assert "matchTemplate" in done.stdout
 
 
