@@ -95,7 +95,7 @@ def drive(
     stereo, one_camera = StereoOdometry(rig=rig, config=config), FlatGroundOdometry(rig)
     live, planar, truth = [], [], []
     way = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s)
-    for shot in shots_of(way, simulation, robot, groups, rate_hz):
+    for shot in shots_of(way, simulation, robot, groups, rate_hz=rate_hz):
         live.append(stereo.track(shot.left, shot.right, shot.stamp_ns))
         planar.append(one_camera.track(shot.left, shot.stamp_ns))
         truth.append(shot.world_from_robot.matrix())

@@ -127,7 +127,7 @@ def track(
     poses: dict[str, list[Any]] = {pair: [] for pair in PAIRS}
     tracks = {pair: Track([], [], np.empty((0, 4, 4))) for pair in PAIRS}
     way = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s)
-    for shot in shots_of(way, simulation, robot, groups, rate_hz):
+    for shot in shots_of(way, simulation, robot, groups, rate_hz=rate_hz):
         began = time.process_time()
         result = odometries[shot.pair].track(shot.left, shot.right, shot.stamp_ns)
         tracks[shot.pair].cpu_s += time.process_time() - began

@@ -20,9 +20,9 @@ from pilotage import _core
 
 Array = npt.NDArray[Any]
 
-CORNERS, CORNER_DISTANCE_PX, CORNER_QUALITY = 400, 10, 0.005
-WINDOW_PX, LEVELS, THERE_AND_BACK_PX = 21, 3, 0.3
-INLIER_PX, FEWEST, FEW = 2.0, 20, 80
+# Corners are at least a part of the picture's width apart.
+CORNERS, CORNER_DISTANCE, CORNER_QUALITY = 400, 1 / 64, 0.005
+THERE_AND_BACK_PX, FEWEST, FEW = 0.3, 20, 80
 # A keyframe gives way once the ground has moved by this part of the picture, or turned so far.
 FARTHEST, FARTHEST_TURN_RAD = 0.35, math.radians(12)
 
@@ -38,9 +38,15 @@ class FlatGroundOdometry:
         self._pixel_m = float(rig.robot_from_left.translation_m[2]) / rig.left.fx_px
         self._middle_m = np.asarray(rig.robot_from_left.translation_m[:2], float)
         self._size = (rig.left.width_px, rig.left.height_px)
+        # Windows, levels and outliers fit pictures that are 640 wide, and are less in smaller ones.
+        width = rig.left.width_px
+        self._window_px = max(11, width // 30) | 1
+        self._levels = max(1, round(math.log2(width / 80)))
+        self._inlier_px = max(1.0, width / 320)
         self._maps = self._ground_maps(rig)
         seconds = (self._maps[1] / (rig.left.height_px - 1) - 0.5) * rig.readout_s
         self._row_s = seconds.astype(np.float32)
+        self._previous: Array | None = None
         self._key: Array | None = None
         self._key_px = self._key_m = np.empty((0, 2))
         self._world_from_key = self._world_from_robot = np.zeros(3)
@@ -50,15 +56,17 @@ class FlatGroundOdometry:
     def track(self, left: Array, stamp_ns: int) -> Array | None:
         """Return (4, 4) world_from_robot, None when lost; `left` is (H, W) uint8."""
         ground = cv2.remap(left, *self._maps, cv2.INTER_CUBIC)
-        if self._key is None:
+        passed_s, previous = (stamp_ns - self._stamp_ns) / 1e9, self._previous
+        self._stamp_ns, self._previous = stamp_ns, ground
+        if previous is None:
             self._make_key(ground)
-            self._stamp_ns = stamp_ns
             return _matrix(self._world_from_robot)
-        passed_s = (stamp_ns - self._stamp_ns) / 1e9
         before = self._world_from_robot
         predicted = _compose(before, self._velocity * passed_s)
-        key_from_robot = self._follow(ground, _between(self._world_from_key, predicted), passed_s)
-        self._stamp_ns = stamp_ns
+        key_from_robot = self._follow(ground, predicted, passed_s)
+        if key_from_robot is None and self._key is not previous:
+            self._make_key(previous)
+            key_from_robot = self._follow(ground, predicted, passed_s)
         if key_from_robot is None:
             self._world_from_robot = predicted
             self._make_key(ground)
@@ -98,7 +106,8 @@ class FlatGroundOdometry:
         return turned + late_s[:, None] * velocity[:2]
 
     def _make_key(self, ground: Array) -> None:
-        corners = cv2.goodFeaturesToTrack(ground, CORNERS, CORNER_QUALITY, CORNER_DISTANCE_PX)
+        apart_px = CORNER_DISTANCE * self._size[0]
+        corners = cv2.goodFeaturesToTrack(ground, CORNERS, CORNER_QUALITY, apart_px)
         self._key = ground
         self._key_px = np.empty((0, 2)) if corners is None else corners.reshape(-1, 2)
         self._key_m = self._at_middle_row(self._key_px, self._velocity)
@@ -111,9 +120,9 @@ class FlatGroundOdometry:
         far = np.abs(moved[0]) > FARTHEST * np.array(self._size)
         return bool(far.any() or abs(key_from_robot[2]) > FARTHEST_TURN_RAD or self._found < FEW)
 
-    def _follow(self, ground: Array, guess: Array, passed_s: float) -> Array | None:
+    def _follow(self, ground: Array, predicted: Array, passed_s: float) -> Array | None:
         """Return key_from_robot; where the prediction fails, from the turn and shift of all."""
-        found = self._match(ground, guess)
+        found = self._match(ground, _between(self._world_from_key, predicted))
         if found is None:
             centre = (np.array(self._size) - 1) / 2
             for motion in _core.find_plane_motions(
@@ -155,21 +164,21 @@ class FlatGroundOdometry:
         )
         flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
         moved = cv2.warpAffine(ground, current_from_key, self._size, flags=flags)
-        options = {"winSize": (WINDOW_PX, WINDOW_PX), "maxLevel": LEVELS}
+        options = {"winSize": (self._window_px,) * 2, "maxLevel": self._levels}
         start = self._key_px.astype(np.float32)
         there, is_there, _ = cv2.calcOpticalFlowPyrLK(self._key, moved, start, None, **options)
         back, is_back, _ = cv2.calcOpticalFlowPyrLK(moved, self._key, there, None, **options)
         now_px = there @ current_from_key[:, :2].T + current_from_key[:, 2]
         is_good = (is_there & is_back).ravel().astype(bool)
         is_good &= np.abs(back - start).max(axis=1) < THERE_AND_BACK_PX
-        margin = WINDOW_PX // 2
+        margin = self._window_px // 2
         is_good &= ((now_px > margin) & (now_px < np.array(self._size) - margin)).all(axis=1)
         kept = np.flatnonzero(is_good)
         if len(kept) < FEWEST:
             return None
         # A scale of its own, for ground that is nearer or farther than it is taken to be.
         _, inlier = cv2.estimateAffinePartial2D(
-            now_px[kept], start[kept], ransacReprojThreshold=INLIER_PX
+            now_px[kept], start[kept], ransacReprojThreshold=self._inlier_px
         )
         kept = kept[inlier.ravel().astype(bool)] if inlier is not None else kept[:0]
         self._found = len(kept)

@@ -7,6 +7,7 @@ Drives are independent jobs. Each gives one record, a JSON line of a file; an er
 from __future__ import annotations
 
 import json
+import math
 import multiprocessing
 import sys
 from collections.abc import Callable, Iterator
@@ -36,15 +37,17 @@ class PairShot:
     world_from_robot: Transform
 
 
-def shots_of(
+def shots_of(  # noqa: PLR0913, what a drive is made of
     way: Drive,
     simulation: Simulation,
     robot: RobotModel,
     groups: dict[str, CameraGroup],
+    *,
     rate_hz: float,
+    since_s: float = 0.0,
 ) -> Iterator[PairShot]:
     """Drive the way; yield what comes of each pair in `groups`, which fire `rate_hz` a second."""
-    tries = 0
+    tries = math.ceil(since_s * rate_hz)
     for now_ns in way:
         while (shot_ns := round(tries * NS / rate_hz)) <= now_ns:
             tries += 1

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: a test or two of each benchmark.
 """The benchmarks in small: they run, their figures are sane, their judgement is right."""
 
 from __future__ import annotations
@@ -115,6 +116,44 @@ def test_drives_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
     assert "[2/2]" in both.stderr
     assert "[1/2]" not in both.stderr
     other = run_benchmark("drives.py", "--drives", 2, *few, "--camera", "ideal")
+    assert other.returncode != 0
+    assert "give another" in other.stderr
+
+
+def test_looking_down_is_judged_beside_one_camera(tmp_path: Path) -> None:
+    out = tmp_path / "downward.jsonl"
+    few = ["--width", 160, "--rate-hz", 5, "--longest-m", 8, "--workers", 1, "--out", out]
+    first = run_benchmark("downward.py", "--drives", 2, *few)
+    assert first.returncode == 0, first.stdout + first.stderr
+    assert "[2/2]" in first.stderr
+    assert "relief: pitch up to" in first.stdout
+    again = run_benchmark("downward.py", "--drives", 2, *few)
+    assert (again.returncode, again.stdout, again.stderr) == (0, first.stdout, "")
+    flat, relief = (json.loads(line) for line in out.read_text().splitlines())
+    assert relief["driven"]["pitch_deg"] > 2 > flat["driven"]["pitch_deg"]
+    stereo, one_camera = "stereo, final", "one camera, flat ground"
+    for record in (flat, relief):
+        assert record[stereo]["lost"] == record[one_camera]["lost"] == 0
+        assert record[stereo]["end_percent"] < 1
+    assert flat[one_camera]["end_percent"] < 1
+    assert relief[one_camera]["segment_percent"] > 4 * relief[stereo]["segment_percent"]
+
+
+def test_looking_down_fails_where_nothing_was_driven() -> None:
+    done = run_benchmark("downward.py", "--drives", 1, "--width", 161, "--workers", 1)
+    assert done.returncode == 1
+    assert "failed: 0: InputError: width 161" in done.stdout
+
+
+def test_cost_of_two_pairs_is_measured_on_kept_pictures(tmp_path: Path) -> None:
+    few = ["--width", 160, "--repeats", 1, "--pictures", tmp_path / "kept.npz"]
+    first = run_benchmark("two_pairs.py", "--instants", 5, *few)
+    assert first.returncode == 0, first.stdout + first.stderr
+    again = run_benchmark("two_pairs.py", "--instants", 5, *few)
+    _, size, points, instants, *figures, _ = again.stdout.splitlines()[-1].split("|")
+    assert [word.strip() for word in (size, points, instants)] == ["160x120", "400", "5"]
+    assert all(float(figure) > 0 for figure in figures)
+    other = run_benchmark("two_pairs.py", "--instants", 6, *few)
     assert other.returncode != 0
     assert "give another" in other.stderr
 
