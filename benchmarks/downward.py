@@ -41,6 +41,8 @@ SHORTEST_M, LONGEST_M, YARD_M = 8.0, 15.0, 20.0
 RELIEF_M, RELIEF_WAVE_M = 0.08, 2.0
 KINDS = ("flat", "relief")
 LIVE, FINAL, ONE_CAMERA = "stereo, live", "stereo, final", "one camera, flat ground"
+IN_PLANE = "stereo, final, in the plane"
+SOURCES = (LIVE, FINAL, IN_PLANE, ONE_CAMERA)
 # Kind, whose, sense and limit of the median error at the end in percent.
 GOALS = (
     ("flat", FINAL, "<=", 0.05),
@@ -99,27 +101,25 @@ def drive(
         live.append(stereo.track(shot.left, shot.right, shot.stamp_ns))
         planar.append(one_camera.track(shot.left, shot.stamp_ns))
         truth.append(shot.world_from_robot.matrix())
-    poses = np.array(truth)
+    poses, final = np.array(truth), stereo.finish()
+    in_space = [None if r.world_from_left is None else r.world_from_left.matrix() for r in final]
     return {
         **asdict(plan),
         "arrived": way.has_arrived,
         LIVE: figures(live, poses),
-        FINAL: figures(stereo.finish(), poses),
+        FINAL: figures(final, poses),
+        IN_PLANE: planar_figures(in_space, poses),
         ONE_CAMERA: planar_figures(planar, poses),
         "driven": attitude(poses),
         "cpu_s": time.process_time() - start,
     }
 
 
-def planar_figures(planar: list[Any], truth: np.ndarray[Any, Any]) -> dict[str, Any]:
-    """Return the figures of (4, 4) poses in the plane, or None, against the truth in the plane."""
+def planar_figures(poses: list[Any], truth: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """Return the figures of (4, 4) poses, None where lost, by x, y and yaw alone."""
     unknown = np.full((4, 4), np.nan)
-    estimate = np.array([unknown if pose is None else pose for pose in planar])
-    flat = np.tile(np.eye(4), (len(truth), 1, 1))
-    yaw = np.arctan2(truth[:, 1, 0], truth[:, 0, 0])
-    flat[:, 0, 0], flat[:, 0, 1], flat[:, 0, 3] = np.cos(yaw), -np.sin(yaw), truth[:, 0, 3]
-    flat[:, 1, 0], flat[:, 1, 1], flat[:, 1, 3] = np.sin(yaw), np.cos(yaw), truth[:, 1, 3]
-    metrics = evaluate_trajectory(estimate=estimate, truth=flat)
+    estimate = np.array([unknown if pose is None else pose for pose in poses])
+    metrics = evaluate_trajectory(estimate=in_plane(estimate), truth=in_plane(truth))
     return {
         "pairs": metrics.pairs,
         "lost": metrics.lost,
@@ -128,6 +128,15 @@ def planar_figures(planar: list[Any], truth: np.ndarray[Any, Any]) -> dict[str, 
         "segment_percent": metrics.translation_percent,
         "scale": metrics.scale,
     }
+
+
+def in_plane(poses: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return (N, 4, 4) poses without height, pitch and roll; NaN stays NaN."""
+    yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
+    flat = np.tile(np.eye(4), (len(poses), 1, 1))
+    flat[:, 0, 0], flat[:, 0, 1], flat[:, 0, 3] = np.cos(yaw), -np.sin(yaw), poses[:, 0, 3]
+    flat[:, 1, 0], flat[:, 1, 1], flat[:, 1, 3] = np.sin(yaw), np.cos(yaw), poses[:, 1, 3]
+    return flat
 
 
 def attitude(truth: np.ndarray[Any, Any]) -> dict[str, float]:
@@ -147,7 +156,7 @@ def say(record: dict[str, Any], count: int, total: int) -> None:
         text = record["error"]
     else:
         ends = ", ".join(
-            f"{name} {record[name]['end_percent']:.3f} %" for name in (LIVE, FINAL, ONE_CAMERA)
+            f"{name} {record[name]['end_percent']:.3f} %" for name in (FINAL, ONE_CAMERA)
         )
         text = f"{ends}; {record[FINAL]['lost']} lost, {record['cpu_s']:.0f} CPU-s"
     what = " ".join((record["kind"], record["ground"], record["path"]))
@@ -178,7 +187,7 @@ def report(records: list[dict[str, Any]]) -> None:
     )
     by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in KINDS}
     for kind, some in by_kind.items():
-        for source in (LIVE, FINAL, ONE_CAMERA) if some else ():
+        for source in SOURCES if some else ():
             print(row(kind, some, source))
     for kind, some in by_kind.items():
         if some:
