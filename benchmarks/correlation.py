@@ -6,8 +6,10 @@
 Each surface, photographs and our rendered grounds, is seen twice through the same sensor: moved by
 parts of pixels, and by turns up to 30 degrees with shifts up to a third of the picture. Printed is
 how well nodes of a grid are found by correlation and by the least-squares fit that follows, and
-whether the turn and shift of the whole picture are found without a guess. Then the kernel is timed
-against OpenCV's matchTemplate and phaseCorrelate on the same patches, in turns, on one thread.
+whether the turn and shift of the whole picture are found without a guess. Where $PILOTAGE_DATA
+holds `nao_marks`, the grass below a real Nao's lower camera is one of the surfaces, at each of its
+standpoints. Then the kernel is timed against OpenCV's matchTemplate and phaseCorrelate on the same
+patches, in turns, on one thread.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from surfaces import PIXELS_M, SIDE, Array, View, camera_of, ground_view, photograph_view, read_grey
+from decoded import DATA_FOLDER
+from surfaces import PIXELS_M, Array, View, camera_of, ground_view, photograph_view, read_grey
 
 from pilotage import _core
 from pilotage.simulation.surfaces import SURFACES
@@ -27,14 +30,16 @@ from pilotage.simulation.surfaces import SURFACES
 Exposing = Callable[[Array, int], Array]
 
 REACH, STEP, MARGIN = 8, 16, 48
-CENTRE = np.array([(SIDE - 1) / 2, (SIDE - 1) / 2])
+# What the Nao sees of the field above its feet, in rows; all that a view turned by 30 degrees and
+# shifted by a third of its side covers lies within.
+FIELD_ROWS, FIELD_SIDE = 400, 200
 RIGHT_PX, RIGHT_DEG = 8.0, 4.0
 TRIALS = 12
 
 
 def nodes_found(first: Array, second: Array, shift: Array) -> dict[str, float]:
     """Find the nodes of a grid again; return how well."""
-    grid = np.arange(MARGIN, SIDE - MARGIN, STEP, dtype=np.float32)
+    grid = np.arange(MARGIN, len(first) - MARGIN, STEP, dtype=np.float32)
     nodes = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     peaks, rivals, coarse, kept = [], [], [], []
     for node in nodes:
@@ -74,11 +79,13 @@ def nodes_found(first: Array, second: Array, shift: Array) -> dict[str, float]:
 def motions_found(view: View, expose: Exposing, random: np.random.Generator) -> int:
     """Return how many of TRIALS turns and shifts of the whole picture are found."""
     first, found = expose(view(0, 0, 0), 1), 0
+    side = len(first)
+    centre = np.full(2, (side - 1) / 2)
     for trial in range(TRIALS):
         turn_deg = random.uniform(-30, 30)
-        shift = random.uniform(-0.3, 0.3, 2) * SIDE
+        shift = random.uniform(-0.3, 0.3, 2) * side
         second = expose(view(*shift, turn_deg), 100 + trial)
-        motions = _core.find_plane_motions(reference=first, current=second, centre_px=CENTRE)
+        motions = _core.find_plane_motions(reference=first, current=second, centre_px=centre)
         found += bool(motions) and (
             np.linalg.norm(motions[0].shift_px - shift) < RIGHT_PX
             and abs(np.degrees(motions[0].turn_rad) - turn_deg) < RIGHT_DEG
@@ -99,6 +106,16 @@ def measure(name: str, view: View) -> None:
         f"{_core.self_similarity(first):.2f} |",
         flush=True,
     )
+
+
+def field_views() -> dict[str, View]:
+    """Return views of the field below the Nao by name; none where the pictures are not there."""
+    return {
+        f"nao_marks, {path.parent.name}": photograph_view(
+            read_grey(path.read_bytes())[:FIELD_ROWS], FIELD_SIDE
+        )
+        for path in sorted(DATA_FOLDER.glob("nao_marks/*/imagebottom.jpg"))
+    }
 
 
 def time_of(call: Callable[[], object], rounds: int) -> float:
@@ -157,6 +174,8 @@ def main() -> None:
     )
     for path in arguments.photographs:
         measure(path.stem, photograph_view(read_grey(path.read_bytes())))
+    for name, view in field_views().items():
+        measure(name, view)
     for kind in arguments.surfaces.split(","):
         for size, pixel_m in PIXELS_M.items():
             measure(f"{kind}, {size} a pixel", ground_view(kind, pixel_m))

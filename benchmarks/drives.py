@@ -16,17 +16,15 @@ on where it was. --from and --drives drive a piece of the whole.
 from __future__ import annotations
 
 import argparse
-import json
-import multiprocessing
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from chance import largest_by_chance
+from simulated_drives import append_done, read_done, run, shots_of
 
 from pilotage import Status, StereoOdometry, _core
 from pilotage.behaviors.pair_track import Tracked, in_order
@@ -43,7 +41,6 @@ from pilotage.simulation.yard import YardOptions, side_for_m
 ROBOT, PAIRS = "rover", ("front", "down")
 SHAPES = ("closed", "open", "square", "straight", "eight")
 SHORTEST_M, LONGEST_M = 5.0, 50.0
-NS = 1_000_000_000
 SPOILT_EVERY = 5
 # Name and size of what happens to one pair half-way; a size of its own for each unit.
 SPOILS = (("blind", 1.0), ("dirt", 0.7), ("out_of_step_ms", 40.0), ("tilt_right", 4.0))
@@ -128,20 +125,13 @@ def track(
     }
     poses: dict[str, list[Any]] = {pair: [] for pair in PAIRS}
     tracks = {pair: Track([], [], np.empty((0, 4, 4))) for pair in PAIRS}
-    way, tries = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s), 0
-    for now_ns in way:
-        while (shot_ns := round(tries * NS / rate_hz)) <= now_ns:
-            tries += 1
-            for pair, group in groups.items():
-                shot, names = group.take(shot_ns), robot.pairs[pair]
-                if shot is None or len(shot.pictures) < len(names):
-                    continue
-                began = time.process_time()
-                left, right = (shot.pictures[name] for name in names)
-                stamp_ns = shot.stamps_ns[names[0]]
-                tracks[pair].live.append(odometries[pair].track(left, right, stamp_ns))
-                tracks[pair].cpu_s += time.process_time() - began
-                poses[pair].append(simulation.robot_pose(shot.taken_ns).matrix())
+    way = Drive(simulation, plan.path, speed_m_s=plan.speed_m_s)
+    for shot in shots_of(way, simulation, robot, groups, rate_hz=rate_hz):
+        began = time.process_time()
+        result = odometries[shot.pair].track(shot.left, shot.right, shot.stamp_ns)
+        tracks[shot.pair].cpu_s += time.process_time() - began
+        tracks[shot.pair].live.append(result)
+        poses[shot.pair].append(shot.world_from_robot.matrix())
     for pair, odometry in odometries.items():
         tracks[pair].final = odometry.finish()
         tracks[pair].truth = np.array(poses[pair])
@@ -196,6 +186,7 @@ def figures(results: list[Any], truth: np.ndarray[Any, Any]) -> dict[str, Any]:
         "end_m": metrics.end_error_m,
         "end_percent": metrics.end_error_percent,
         "ate_percent": metrics.ate_percent_of_length,
+        "segment_percent": metrics.translation_percent,
         "scale": metrics.scale,
         "nees": metrics.consistency.mean_nees if metrics.consistency else None,
         "confidently_wrong": int(np.sum(says_tracking & (squares > limit))),
@@ -223,43 +214,6 @@ def drive(plan: DrivePlan, **settings: Any) -> dict[str, Any]:
 def covariances_of(results: list[Any]) -> np.ndarray[Any, Any]:
     unknown = np.full((6, 6), np.nan)
     return np.array([unknown if r.covariance is None else r.covariance for r in results])
-
-
-def drive_safely(job: tuple[DrivePlan, dict[str, Any]]) -> dict[str, Any]:
-    """Drive; an error becomes the result, so that the other drives go on."""
-    plan, settings = job
-    try:
-        return drive(plan, **settings)
-    except Exception as error:
-        return {**asdict(plan), "error": f"{type(error).__name__}: {error}"}
-
-
-def read_done(out: Path, settings: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    """Return what is in the file by number; a line that an interrupt cut off is left out."""
-    done: dict[int, dict[str, Any]] = {}
-    if not out.exists():
-        return done
-    text = out.read_text()
-    if text and not text.endswith("\n"):
-        out.write_text(text + "\n")  # what follows begins a line of its own
-    for line in text.splitlines():
-        try:
-            record = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        if record.get("settings") != settings:
-            sys.exit(f"{out}: driven with {record.get('settings')}, not {settings}; give another")
-        if "error" not in record:
-            done[record["number"]] = record
-    return done
-
-
-def run(jobs: list[Any], workers: int) -> Iterator[dict[str, Any]]:
-    if workers == 1:
-        yield from map(drive_safely, jobs)
-        return
-    with multiprocessing.get_context("spawn").Pool(workers, maxtasksperchild=10) as pool:
-        yield from pool.imap_unordered(drive_safely, jobs)
 
 
 def say(record: dict[str, Any], count: int, total: int) -> None:
@@ -349,12 +303,11 @@ def main() -> None:
     plans = [plan_of(number, arguments.longest_m) for number in numbers if number not in done]
     records = [done[number] for number in numbers if number in done]
     failures = []
-    for record in run([(plan, settings) for plan in plans], arguments.workers):
+    for record in run(drive, plans, settings, arguments.workers):
         (failures if "error" in record else records).append(record)
         say(record, len(records) + len(failures), len(numbers))
         if arguments.out:
-            with arguments.out.open("a") as file:
-                file.write(json.dumps({**record, "settings": marked}) + "\n")
+            append_done(arguments.out, record, marked)
     if records:
         report(records)
     astray = [record["number"] for record in records if not record["arrived"]]

@@ -39,14 +39,14 @@ TURN_DEG = 20.0
 PIXELS_M = {"0.7 mm": 0.0007, "1.4 mm": 0.0014}
 
 
-def photograph_view(picture: Array) -> View:
-    """Return views of the middle of a grey picture of at least 512 x 512 pixels."""
+def photograph_view(picture: Array, side: int = SIDE) -> View:
+    """Return square views of the middle of a grey picture; 320 pixels wide they need 512."""
     middle = (np.array(picture.shape[::-1]) - 1) / 2
 
     def view(dx: float, dy: float, turn_deg: float) -> Array:
         moved = cv2.getRotationMatrix2D(tuple(middle), -turn_deg, 1.0)
-        moved[:, 2] += (SIDE - 1) / 2 - middle + (dx, dy)
-        return cv2.warpAffine(picture, moved, (SIDE, SIDE), flags=cv2.INTER_CUBIC)
+        moved[:, 2] += (side - 1) / 2 - middle + (dx, dy)
+        return cv2.warpAffine(picture, moved, (side, side), flags=cv2.INTER_CUBIC)
 
     return view
 

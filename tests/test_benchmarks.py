@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# Long: a test or two of each benchmark.
 """The benchmarks in small: they run, their figures are sane, their judgement is right."""
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from synthetic import SyntheticRecording
@@ -118,7 +120,50 @@ def test_drives_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
     assert "give another" in other.stderr
 
 
-def test_correlation_prints_its_tables() -> None:
+def test_looking_down_is_judged_beside_one_camera(tmp_path: Path) -> None:
+    out = tmp_path / "downward.jsonl"
+    few = ["--width", 160, "--rate-hz", 5, "--longest-m", 8, "--workers", 1, "--out", out]
+    first = run_benchmark("downward.py", "--drives", 2, *few)
+    assert first.returncode == 0, first.stdout + first.stderr
+    assert "[2/2]" in first.stderr
+    assert "relief: pitch up to" in first.stdout
+    again = run_benchmark("downward.py", "--drives", 2, *few)
+    assert (again.returncode, again.stdout, again.stderr) == (0, first.stdout, "")
+    flat, relief = (json.loads(line) for line in out.read_text().splitlines())
+    assert relief["driven"]["pitch_deg"] > 2 > flat["driven"]["pitch_deg"]
+    stereo, one_camera = "stereo, final", "one camera, flat ground"
+    for record in (flat, relief):
+        assert record[stereo]["lost"] == record[one_camera]["lost"] == 0
+        assert record[stereo]["end_percent"] < 1
+    assert flat[one_camera]["end_percent"] < 1
+    assert relief[one_camera]["segment_percent"] > 4 * relief[stereo]["segment_percent"]
+
+
+def test_looking_down_fails_where_nothing_was_driven() -> None:
+    done = run_benchmark("downward.py", "--drives", 1, "--width", 161, "--workers", 1)
+    assert done.returncode == 1
+    assert "failed: 0: InputError: width 161" in done.stdout
+
+
+def test_cost_of_two_pairs_is_measured_on_kept_pictures(tmp_path: Path) -> None:
+    few = ["--width", 160, "--repeats", 1, "--pictures", tmp_path / "kept.npz"]
+    first = run_benchmark("two_pairs.py", "--instants", 5, *few)
+    assert first.returncode == 0, first.stdout + first.stderr
+    again = run_benchmark("two_pairs.py", "--instants", 5, *few)
+    _, size, points, instants, *figures, _ = again.stdout.splitlines()[-1].split("|")
+    assert [word.strip() for word in (size, points, instants)] == ["160x120", "400", "5"]
+    assert all(float(figure) > 0 for figure in figures)
+    other = run_benchmark("two_pairs.py", "--instants", 6, *few)
+    assert other.returncode != 0
+    assert "give another" in other.stderr
+
+
+def test_correlation_prints_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    standpoint = tmp_path / "nao_marks" / "point1"
+    standpoint.mkdir(parents=True)
+    grain = np.random.default_rng(1).integers(0, 256, (480, 640), np.uint8)
+    cv2.imwrite(str(standpoint / "imagebottom.jpg"), cv2.GaussianBlur(grain, (0, 0), 1.5))
+    monkeypatch.setenv("PILOTAGE_DATA", str(tmp_path))
     done = run_benchmark("correlation.py", "--surfaces", "gravel")
     assert done.returncode == 0, done.stdout + done.stderr
     row = next(line for line in done.stdout.splitlines() if line.startswith("| gravel, 0.7 mm"))
@@ -129,6 +174,7 @@ def test_correlation_prints_its_tables() -> None:
     assert float(rms) < 0.15
     assert float(bias) < 0.05
     assert motions == "12 of 12"
+    assert "| nao_marks, point1 |" in done.stdout
     assert "matchTemplate" in done.stdout
 
 

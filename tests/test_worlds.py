@@ -18,6 +18,7 @@ from pilotage.errors import InputError
 from pilotage.simulation import load_world, parse_path
 from pilotage.simulation.grounds import GROUNDS
 from pilotage.simulation.paths import SHAPES
+from pilotage.simulation.relief import make_relief
 from pilotage.simulation.scene import SURFACES
 from pilotage.simulation.walkers import read_walk
 
@@ -109,6 +110,17 @@ def test_relief_has_its_amplitude_and_is_level_at_the_start_and_the_marks():
         place = data.geom_xpos[model.geom(f"mark_{letter}").id]
         below = height_below(model, data, place[0] + 0.3, place[1])
         assert below == pytest.approx(place[2], abs=2e-4)
+
+
+def test_short_waves_of_relief_are_steeper_at_the_same_height():
+    steepest, highest = [], []
+    for wave_m in (5.0, 2.0):
+        relief = make_relief(np.random.default_rng(1), (0.0, 0.0), 10.0, 0.1, wave_m)
+        cell_m = 2 * relief.half_m / (len(relief.heights_m) - 1)
+        steepest.append(np.abs(np.diff(relief.heights_m, axis=1)).max() / cell_m)
+        highest.append(np.ptp(relief.heights_m))
+    assert steepest[1] > 1.5 * steepest[0]
+    assert all(0.1 < height < 0.25 for height in highest)
 
 
 def test_a_plane_is_a_plane_and_each_ground_says_its_kind():

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-CELL_M = 0.25
-LONGEST_WAVE_M = 5.0
 OCTAVES = 4
+CELLS_OF_WAVE = 20  # of the longest; the shortest has two and a half
 
 Grid = NDArray[np.float64]
 
@@ -55,15 +54,23 @@ class Relief:
 
 
 def make_relief(
-    rng: np.random.Generator, centre_m: tuple[float, float], half_m: float, amplitude_m: float
+    rng: np.random.Generator,
+    centre_m: tuple[float, float],
+    half_m: float,
+    amplitude_m: float,
+    wave_m: float,
 ) -> Relief:
-    """Return a relief between -amplitude and +amplitude, 0 and level around the world's origin."""
+    """Return a relief between -amplitude and +amplitude, 0 and level around the world's origin.
+
+    `wave_m` is its longest wave; each octave halves it.
+    """
     if amplitude_m == 0:
         return Relief(np.zeros((1, 1)), centre_m, half_m)
-    size = round(2 * half_m / CELL_M) + 1
+    cell_m = wave_m / CELLS_OF_WAVE
+    size = round(2 * half_m / cell_m) + 1
     heights = np.zeros((size, size))
     for octave in range(OCTAVES):
-        sigma = LONGEST_WAVE_M / 4 / CELL_M / 2**octave
+        sigma = CELLS_OF_WAVE / 4 / 2**octave
         wave = gaussian_filter(rng.standard_normal((size, size)), sigma, mode="reflect")
         heights += wave / wave.std() * 0.4**octave
     heights *= amplitude_m / np.abs(heights).max()

@@ -27,6 +27,7 @@ class YardOptions:
 
     ground: str = chosen(ANY, [ANY, *GROUNDS])
     relief_m: float = ranged(0.0, 0.0, 0.5)
+    relief_wave_m: float = ranged(5.0, 1.0, 50.0)  # the longest; short ones tilt the robot more
     objects: int = ranged(20, 0, 400)
     size_m: float = ranged(30.0, 10.0, 200.0)
     clear_radius_m: float = ranged(1.5, 0.5, 50.0)
@@ -42,7 +43,9 @@ def build_yard(scene: Scene, options: YardOptions) -> None:
     kind = options.ground if options.ground != ANY else kinds[int(rng.integers(len(kinds)))]
     scene.sun(rng.uniform(-math.pi, math.pi), math.radians(rng.uniform(25, 65)))
     scene.start(0, 0, 0)
-    relief = make_relief(rng, layout.centre_m, layout.half_m, options.relief_m)
+    relief = make_relief(
+        rng, layout.centre_m, layout.half_m, options.relief_m, options.relief_wave_m
+    )
     places = {}
     far_m = min(6.0, 0.6 * layout.half_m)
     for letter, low_m, high_m in (("a", 2.5, 6.0), ("b", far_m, far_m + layout.half_m)):
