@@ -164,10 +164,23 @@ float StereoOdometry::gap_sigma_m(std::int64_t timestamp_ns) const {
 StereoOdometry::Tracked StereoOdometry::find_pose(PyramidPair& pair) {
   Tracked tracked;
   if (window_.empty()) return tracked;
-  if (lost_pairs_ == 0) tracked = follow(pair, predict(pair));
   // A few points that agree after a wide step may agree by chance.
   const auto is_sparse = [&] { return tracked.step.inliers < sparse_share * points_at_keyframe_; };
-  if (tracked.step.quality != PoseQuality::tracking || is_sparse()) {
+  const auto is_found = [&] {
+    return tracked.step.quality == PoseQuality::tracking && !is_sparse();
+  };
+  if (lost_pairs_ == 0) {
+    const Transform expected = carried_on(pair.timestamp_ns);
+    const PoseAlignment aligned = align_pose(*previous_.left, *pair.left, stereo_, previous_points_,
+                                             expected, PoseAlignmentOptions{});
+    tracked = follow(pair, previous_world_from_left_ * aligned.current_from_previous.inverse());
+    // What stands still in the picture, as the robot's own shadow, may lead the alignment away.
+    if (!is_found()) {
+      Tracked other = follow(pair, previous_world_from_left_ * expected.inverse());
+      if (other.step.inliers > tracked.step.inliers) tracked = std::move(other);
+    }
+  }
+  if (!is_found()) {
     Tracked recovered =
         config_.front_end == FrontEnd::grid ? recover_on_plane(pair) : recover(pair);
     if (recovered.step.inliers > tracked.step.inliers) tracked = std::move(recovered);
@@ -178,13 +191,11 @@ StereoOdometry::Tracked StereoOdometry::find_pose(PyramidPair& pair) {
   return tracked;
 }
 
-Transform StereoOdometry::predict(const PyramidPair& pair) const {
-  const double elapsed_s = seconds_between(previous_timestamp_ns_, pair.timestamp_ns);
-  const Transform current_from_previous =
-      motion_s_ > 0 ? part_of(before_from_previous_, elapsed_s / motion_s_).inverse() : Transform{};
-  const PoseAlignment aligned = align_pose(*previous_.left, *pair.left, stereo_, previous_points_,
-                                           current_from_previous, PoseAlignmentOptions{});
-  return previous_world_from_left_ * aligned.current_from_previous.inverse();
+/// Current from previous if the camera went on moving as it did.
+Transform StereoOdometry::carried_on(std::int64_t timestamp_ns) const {
+  if (!(motion_s_ > 0)) return {};
+  const double elapsed_s = seconds_between(previous_timestamp_ns_, timestamp_ns);
+  return part_of(before_from_previous_, elapsed_s / motion_s_).inverse();
 }
 
 /// How the camera moved while the rows of this pair were read, if it is there now.

@@ -69,7 +69,7 @@ class StereoOdometry {
   PyramidPair prepare(const ImageView& left, const ImageView& right, std::int64_t timestamp_ns);
   OdometryResult start(PyramidPair pair);
   Tracked find_pose(PyramidPair& pair);
-  Transform predict(const PyramidPair& pair) const;
+  Transform carried_on(std::int64_t timestamp_ns) const;
   RowMotion row_motion(const PyramidPair& pair, const Transform& world_from_left) const;
   Matrix6d row_covariance(const Transform& world_from_left) const;
   Tracked follow(PyramidPair& pair, const Transform& predicted);
