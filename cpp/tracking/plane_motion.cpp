@@ -138,18 +138,19 @@ struct Best {
   int x = 0, y = 0;
 };
 
+bool is_near(const Best& a, const Best& b) {
+  return std::max(std::abs(a.x - b.x), std::abs(a.y - b.y)) <= separation_px;
+}
+
 /// The best shift, of those away from `taken` if that is given.
 Best best_of(const Votes& votes, double angle_rad, const Best* taken = nullptr) {
   Best best;
-  best.angle_rad = angle_rad;
   for (std::size_t i = 0; i < votes.sum.size(); ++i) {
     if (votes.weight(i) <= best.weight) continue;
-    const int x = static_cast<int>(i) % votes.columns() - votes.reach_x;
-    const int y = static_cast<int>(i) / votes.columns() - votes.reach_y;
-    if (taken && std::max(std::abs(x - taken->x), std::abs(y - taken->y)) <= separation_px) {
-      continue;
-    }
-    best = {votes.weight(i), votes.mean(i), angle_rad, x, y};
+    const Best here{votes.weight(i), votes.mean(i), angle_rad,
+                    static_cast<int>(i) % votes.columns() - votes.reach_x,
+                    static_cast<int>(i) / votes.columns() - votes.reach_y};
+    if (!taken || !is_near(here, *taken)) best = here;
   }
   return best;
 }
@@ -167,20 +168,24 @@ std::vector<PlaneMotion> find_plane_motions(const ImageView& reference, const Im
   const Eigen::Vector2f centre = (centre_px / from.scale).cast<float>();
   const int steps = static_cast<int>(std::ceil(options.largest_turn_rad / options.turn_step_rad));
   Best best;
-  Votes votes_at_best(0, 0);
+  std::vector<Best> others;  // of each angle the best two, of which the rival may be either
   const auto try_angle = [&](double angle_rad) {
-    Votes votes = vote(from.view(), to.view(), centre, angle_rad);
+    const Votes votes = vote(from.view(), to.view(), centre, angle_rad);
     const Best here = best_of(votes, angle_rad);
-    if (here.weight <= best.weight) return;
-    best = here;
-    votes_at_best = std::move(votes);
+    others.push_back(here);
+    others.push_back(best_of(votes, angle_rad, &here));
+    if (here.weight > best.weight) best = here;
   };
   for (int step = -steps; step <= steps; ++step) try_angle(step * options.turn_step_rad);
   // Half a step to either side: a patch's corners then lie within half a pixel.
   const double coarse_rad = best.angle_rad;
   try_angle(coarse_rad - 0.5 * options.turn_step_rad);
   try_angle(coarse_rad + 0.5 * options.turn_step_rad);
-  const Best rival = best_of(votes_at_best, best.angle_rad, &best);
+  // The robot's own shadow stands still and is in no way turned as the ground is.
+  Best rival;
+  for (const Best& other : others) {
+    if (other.weight > rival.weight && !is_near(other, best)) rival = other;
+  }
   std::vector<PlaneMotion> motions;
   for (const Best& found : {best, rival}) {
     if (found.weight > 0 && std::cbrt(found.mean) >= options.min_score) {
