@@ -174,8 +174,9 @@ StereoOdometry::Tracked StereoOdometry::find_pose(PyramidPair& pair) {
     const PoseAlignment aligned = align_pose(*previous_.left, *pair.left, stereo_, previous_points_,
                                              expected, PoseAlignmentOptions{});
     tracked = follow(pair, previous_world_from_left_ * aligned.current_from_previous.inverse());
-    // What stands still in the picture, as the robot's own shadow, may lead the alignment away.
-    if (!is_found()) {
+    // What stands still in the picture, as the robot's own shadow does when looking down, may lead
+    // the alignment away; looking ahead, descriptors find the way back.
+    if (config_.front_end == FrontEnd::grid && !is_found()) {
       Tracked other = follow(pair, previous_world_from_left_ * expected.inverse());
       if (other.step.inliers > tracked.step.inliers) tracked = std::move(other);
     }
