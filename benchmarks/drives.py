@@ -138,9 +138,8 @@ def track(
     return tracks, way.has_arrived
 
 
-def join(tracks: dict[str, Track], key: str) -> list[Any]:
-    """Return what the judge makes of the `live` or `final` results of all pairs."""
-    judge = _core.Judge(pairs=len(tracks))
+def join(tracks: dict[str, Track], key: str, judge: _core.Judge) -> list[Any]:
+    """Return what a judge makes of the `live` or `final` results of all pairs."""
     joint = [said for one in merged(tracks, key) for said in judge.add(one.pair, one.result)]
     return joint + judge.finish()
 
@@ -201,8 +200,10 @@ def drive(plan: DrivePlan, **settings: Any) -> dict[str, Any]:
     for pair, one in tracks.items():
         record[pair] = figures(one.final, one.truth)
         record[pair]["cpu_ms"] = 1e3 * one.cpu_s / max(1, len(one.live))
-    for name, key in ((JOINT, "final"), (f"{JOINT} live", "live")):
-        joint = join(tracks, key)
+    judge = _core.Judge(pairs=len(tracks))
+    for name, key in ((f"{JOINT} live", "live"), (JOINT, "final")):
+        joint = join(tracks, key, judge)
+        judge = judge.again()
         record[name] = figures(joint, truth_at([r.timestamp_ns for r in joint], tracks))
         record[name]["disputed"] = sum(
             any(verdict.belief == _core.Belief.disagrees for verdict in r.pairs) for r in joint

@@ -63,7 +63,10 @@ void bind_judge(nb::module_& m) {
           "add", &Judge::add, "pair"_a, "result"_a,
           "Take what a pair's odometry said (OdometryResult of the robot); return the JointResults "
           "that it decides. ValueError when times do not rise.")
-      .def("finish", &Judge::finish, "Return the JointResults that still wait for other pairs.");
+      .def("finish", &Judge::finish, "Return the JointResults that still wait for other pairs.")
+      .def("again", &Judge::again,
+           "Return a Judge of the adjusted results of the same drive, who knows whom this one set "
+           "aside and when: an adjustment spreads a sudden fault until it looks like motion.");
 }
 
 }  // namespace pilotage

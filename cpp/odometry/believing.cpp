@@ -22,6 +22,9 @@ constexpr double beginner = 10;
 constexpr double least_way = 0.5;
 /// How implausible it makes a pair to be degraded, or to have been set aside.
 constexpr double degraded_cost = 10, set_aside_cost = 10;
+/// And to have been set aside before the adjustment, so near in time: more than an adjusted path's
+/// moves, of which none is sudden, can cost.
+constexpr double doubted_cost = 100, doubted_within_s = 5;
 
 }  // namespace
 
@@ -106,6 +109,23 @@ double Judge::worst_move(int pair, const Instant& now) const {
   return worst;
 }
 
+/// Whether the judge of the results as they came set a pair aside, when it last or next did any.
+bool Judge::was_doubted(int pair, std::int64_t timestamp_ns) const {
+  const auto after =
+      std::lower_bound(former_doubts_.begin(), former_doubts_.end(), timestamp_ns,
+                       [](const Doubt& doubt, std::int64_t t) { return doubt.timestamp_ns < t; });
+  const Doubt* nearest = nullptr;
+  double nearest_s = doubted_within_s;
+  for (const auto at : {after, after == former_doubts_.begin() ? after : after - 1}) {
+    if (at == former_doubts_.end()) continue;
+    const double away_s = std::abs(seconds_between(at->timestamp_ns, timestamp_ns));
+    if (away_s > nearest_s) continue;
+    nearest = &*at;
+    nearest_s = away_s;
+  }
+  return nearest && (nearest->pairs >> pair & 1u);
+}
+
 /// How much speaks against a pair: a sudden move that the robot did not make before, a poor status,
 /// y-parallax or points unlike the usual ones, and that it was set aside already.
 double Judge::implausibility(int pair, const Instant& now) const {
@@ -115,6 +135,7 @@ double Judge::implausibility(int pair, const Instant& now) const {
   double cost = worst_move(pair, now);
   if (sight.status != Status::tracking) cost += degraded_cost;
   if (!source.is_believed) cost += set_aside_cost;
+  if (was_doubted(pair, now.timestamp_ns)) cost += doubted_cost;
   if (const Instant* start = window_start(now.timestamp_ns)) {
     // Of two that are as plausible the more precise one.
     const std::optional<Motion> motion = motion_of(pair, *start, now);
@@ -196,6 +217,7 @@ void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen
   const std::size_t n = sources_.size();
   const Instant* start = window_start(now.timestamp_ns);
   bool anyone_believed = false;
+  unsigned contradicted = 0;
   for (std::size_t i = 0; i < n; ++i) {
     Source& source = sources_[i];
     if (!(candidates >> i & 1u)) {
@@ -225,8 +247,10 @@ void Judge::believe(unsigned chosen, unsigned candidates, const Comparison& seen
     }
     if (source.is_believed) continue;
     now.joint.pairs[i].belief = Belief::disagrees;
-    now.is_disputed |= source.way_apart.has_value();
+    if (source.way_apart) contradicted |= 1u << i;
   }
+  now.is_disputed = contradicted != 0;
+  if (contradicted) doubts_.push_back({now.timestamp_ns, contradicted});
 }
 
 /// The rover paper's choice: where dX, dY or dZ between the cameras is not what was calibrated, the

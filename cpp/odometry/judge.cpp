@@ -56,6 +56,12 @@ std::vector<JointResult> Judge::add(int pair, const OdometryResult& result) {
   return decide_ready(false);
 }
 
+Judge Judge::again() const {
+  Judge judge(static_cast<int>(sources_.size()), config_);
+  judge.former_doubts_ = doubts_;
+  return judge;
+}
+
 std::vector<JointResult> Judge::finish() { return decide_ready(true); }
 
 bool Judge::is_decidable(std::int64_t timestamp_ns) const {

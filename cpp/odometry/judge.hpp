@@ -91,8 +91,15 @@ class Judge {
   std::vector<JointResult> add(int pair, const OdometryResult& result);
   /// Decides what still waits for the other pairs.
   std::vector<JointResult> finish();
+  /// A judge of the adjusted results of the same drive, who knows whom this one set aside and when:
+  /// an adjustment spreads a sudden fault over the pictures before it, until it looks like motion.
+  Judge again() const;
 
  private:
+  struct Doubt {
+    std::int64_t timestamp_ns;
+    unsigned pairs;  ///< a bit for each that the others contradicted
+  };
   struct Source {
     PairHistory history;
     bool is_believed = true;
@@ -145,6 +152,7 @@ class Judge {
   static Vector6d joint_twist(const Instant& from, const Instant& to);
   double worst_move(int pair, const Instant& now) const;
   double implausibility(int pair, const Instant& now) const;
+  bool was_doubted(int pair, std::int64_t timestamp_ns) const;
   void learn(const Instant& now);
   void join(Instant& now);
   void anchor_all(const std::vector<char>& believed, const Instant& now);
@@ -160,6 +168,8 @@ class Judge {
   std::vector<Source> sources_;
   std::deque<Instant> instants_;  ///< those of the window and a little more
   std::deque<std::int64_t> waiting_;
+  std::vector<Doubt> doubts_,
+      former_doubts_;  ///< in order of time; of this judge, of the one before
   std::int64_t decided_ns_;
   int segment_ = 0;
   double usual_chi_square_;     ///< of those that agree

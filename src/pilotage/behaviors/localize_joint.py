@@ -88,14 +88,17 @@ class _Run:
     names: list[str] = field(init=False)
 
     def __post_init__(self) -> None:
+        from pilotage import Judge
+
         self.names = [track.source.name for track in self.tracks]
         rigs = {track.source.name: track.source.recording.rig for track in self.tracks}
         self.levers = levers_m(rigs)
         self.folders = pair_folders(self.names)
+        self._judge = Judge(pairs=len(self.tracks), config=self.config)
 
     def live(self, on_instant: OnInstant | None) -> None:
         """Track all pairs, and judge them as far as is known at each moment."""
-        court = Court(self._new_judge(), self.config, len(self.tracks))
+        court = Court(self._judge, self.config, len(self.tracks))
         done = 0
         with closing(run_side_by_side(self.tracks)) as results:
             for tracked in results:
@@ -116,11 +119,6 @@ class _Run:
             judge_lines(decision.joint, decision.record.status, self.levers)
         )
 
-    def _new_judge(self) -> Judge:
-        from pilotage import Judge
-
-        return Judge(pairs=len(self.tracks), config=self.config)
-
     def save(self, cost: Cost, error: BaseException | None) -> dict[str, Any]:
         """Adjust each pair, judge what came of it, write every file that can be written."""
         adjusted = adjust(self.tracks)
@@ -129,7 +127,7 @@ class _Run:
             adjusted, timings = correct_times(self.tracks, adjusted)
         else:
             adjusted = _up_to_common_end(adjusted)
-        court = Court(self._new_judge(), self.config, len(self.tracks))
+        court = Court(self._judge.again(), self.config, len(self.tracks))
         decisions = [one for tracked in in_order(adjusted) for one in court.add(tracked)]
         decisions += court.finish()
         joints = [one.joint for one in decisions]
