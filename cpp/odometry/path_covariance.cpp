@@ -22,7 +22,14 @@ Matrix6d after_gap(const Matrix6d& covariance, double moved_sigma_m) {
   return wider;
 }
 
+const Matrix6d& PathCovariance::wander(const Eigen::Vector3d& position, const Matrix6d& step) {
+  wander_ = carried(wander_, position - wandered_to_) + step;
+  wandered_to_ = position;
+  return wander_;
+}
+
 void PathCovariance::begin_segment(double moved_sigma_m) {
+  wander_.setZero();
   start_ = last_;
   start_covariance_ = after_gap(last_covariance_, moved_sigma_m);
 }

@@ -25,6 +25,9 @@ class PathCovariance {
   /// Nothing was seen for a while: the next segment starts at the last pose, which since then may
   /// have moved by `moved_sigma_m` in each direction and turned anyhow.
   void begin_segment(double moved_sigma_m);
+  /// What the segment's keyframes were each misplaced by, as one error at this position: `step` is
+  /// what this pose adds.
+  const Matrix6d& wander(const Eigen::Vector3d& position, const Matrix6d& step);
 
   /// Covariance of a pose in the world. `in_segment`: given the first pose of its segment;
   /// `way_m`: from the first to this camera position; `offset_scale_sigma`: relative error of
@@ -38,6 +41,8 @@ class PathCovariance {
   Matrix6d start_covariance_ = Matrix6d::Zero();
   Eigen::Vector3d last_ = Eigen::Vector3d::Zero();
   Matrix6d last_covariance_ = Matrix6d::Zero();  ///< without the rig's errors
+  Matrix6d wander_ = Matrix6d::Zero();
+  Eigen::Vector3d wandered_to_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d last_way_m_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d offset_error_m_ = Eigen::Vector3d::Zero();  ///< for an offset off by one sigma
 };

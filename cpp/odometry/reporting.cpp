@@ -44,7 +44,11 @@ void StereoOdometry::place(PairRecord& record, const Transform& world_from_left,
     return carried(turn * of_left * turn.transpose(), pose.translation);
   };
   record.result.own_covariance = of_robot(record.row_covariance.cast<double>());
-  record.result.segment_covariance = of_robot(covariance) + record.result.own_covariance;
+  // On what a keyframe misplaced, the poses after it rest.
+  const Matrix6d misplaced =
+      record.result.is_keyframe ? record.result.own_covariance : Matrix6d(Matrix6d::Zero());
+  record.result.segment_covariance = of_robot(covariance) + record.result.own_covariance +
+                                     path.wander(pose.translation, misplaced);
   record.result.covariance =
       path.extend(pose.translation, record.result.segment_covariance,
                   robot_from_rectified_.rotation * world_from_left.translation,

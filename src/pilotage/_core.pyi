@@ -1361,6 +1361,11 @@ class Judge:
     def finish(self) -> list[JointResult]:
         """Return the JointResults that still wait for other pairs."""
 
+    def again(self) -> Judge:
+        """
+        Return a Judge of the adjusted results of the same drive, who knows whom this one set aside and when: an adjustment spreads a sudden fault until it looks like motion.
+        """
+
 class SurfaceLayer:
     """One octave band of a surface's brightness."""
 
