@@ -28,7 +28,7 @@ from pilotage.pose_files import PoseRecord
 from pilotage.results import ResultsFolder, pair_folders
 
 if TYPE_CHECKING:
-    from pilotage import JointResult, Judge, JudgeConfig
+    from pilotage import JointResult, JudgeConfig
 
 OnInstant = Callable[[int, PoseRecord, str], None]
 
