@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Long: fake pairs, and each thing that the judge promises tried on them.
 #include "odometry/judge.hpp"
 
 #include <boost/test/unit_test.hpp>
@@ -64,9 +65,9 @@ struct FakePair {
   }
 };
 
-std::vector<JointResult> judge(const std::vector<std::vector<OdometryResult>>& streams,
-                               const JudgeConfig& config = {}) {
-  Judge judge(static_cast<int>(streams.size()), config);
+using Streams = std::vector<std::vector<OdometryResult>>;
+
+std::vector<JointResult> ask(Judge& judge, const Streams& streams) {
   std::vector<std::size_t> next(streams.size(), 0);
   std::vector<JointResult> joint;
   for (;;) {
@@ -84,6 +85,11 @@ std::vector<JointResult> judge(const std::vector<std::vector<OdometryResult>>& s
   }
   for (JointResult& r : judge.finish()) joint.push_back(std::move(r));
   return joint;
+}
+
+std::vector<JointResult> judge(const Streams& streams, const JudgeConfig& config = {}) {
+  Judge judge(static_cast<int>(streams.size()), config);
+  return ask(judge, streams);
 }
 
 double end_error_m(const std::vector<JointResult>& joint) {
@@ -187,6 +193,48 @@ BOOST_AUTO_TEST_CASE(a_tilted_camera_is_set_aside_for_good) {
       largest_rad = std::max(largest_rad, std::abs(r.pairs[0].difference[4]));
     }
     BOOST_TEST(std::abs(largest_rad - 0.0698) < 0.01);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(an_adjusted_path_is_judged_with_what_was_seen_before) {
+  const FakePair sound{.seed = 31};
+  FakePair tilts{.step_sigma_m = 1e-4, .step_sigma_rad = 3e-5, .seed = 32};
+  FakePair adjusted = tilts;
+  tilts.spoil = [](double t, OdometryResult& r) {
+    if (t > 10) r.world_from_robot = tilted(*r.world_from_robot, 4);
+  };
+  adjusted.spoil = [](double t, OdometryResult& r) {
+    if (t > 8) r.world_from_robot->translation.z() += 0.03 * (t - 8);
+  };
+  Judge live(2, {}), fresh(2, {});
+  ask(live, {sound.run(200), tilts.run(200)});
+  Judge again = live.again();
+  const Streams streams{sound.run(200), adjusted.run(200)};
+  // Nothing in the adjusted paths tells which is wrong, and the wrong one is the more precise.
+  BOOST_TEST((ask(fresh, streams).back().pairs[1].belief == Belief::joined));
+  const auto joint = ask(again, streams);
+  BOOST_TEST((joint.back().pairs[0].belief == Belief::joined));
+  BOOST_TEST((joint.back().pairs[1].belief == Belief::disagrees));
+  BOOST_TEST(end_error_m(joint) < 0.05);
+}
+
+BOOST_AUTO_TEST_CASE(who_was_lost_must_agree_before_it_is_joined_again) {
+  FakePair lost{.seed = 33};
+  lost.spoil = [](double t, OdometryResult& r) {
+    if (t < 10 || t > 12) return;
+    if (t > 10.95 && t < 11.15) {
+      r.world_from_robot->translation.x() += 0.4;  // found itself, but elsewhere
+    } else {
+      lose(r, Reason::too_few_points);
+    }
+  };
+  const auto joint = judge({lost.run(200), FakePair{.seed = 34}.run(200)});
+  for (const JointResult& r : joint) {
+    const double t = 1e-9 * static_cast<double>(r.timestamp_ns);
+    BOOST_TEST_REQUIRE(r.world_from_robot.has_value());
+    BOOST_TEST((r.world_from_robot->translation - true_pose(t).translation).norm() < 0.03);
+    if (t > 9.95 && t < 12.95) BOOST_TEST((r.pairs[0].belief != Belief::joined));
+    if (t > 14) BOOST_TEST((r.pairs[0].belief == Belief::joined));
   }
 }
 
