@@ -4,6 +4,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "config_fields.hpp"
+#include "loss_names.hpp"
 #include "odometry/stereo_odometry.hpp"
 
 namespace pilotage {
@@ -17,13 +18,6 @@ template <>
 struct Names<EpipolarResidual> {
   static constexpr std::pair<EpipolarResidual, const char*> list[] = {
       {EpipolarResidual::sampson, "sampson"}, {EpipolarResidual::paper_f33, "paper_f33"}};
-};
-template <>
-struct Names<RobustLoss> {
-  static constexpr std::pair<RobustLoss, const char*> list[] = {
-      {RobustLoss::none, "none"},   {RobustLoss::danish, "danish"},
-      {RobustLoss::huber, "huber"}, {RobustLoss::cauchy, "cauchy"},
-      {RobustLoss::tukey, "tukey"}, {RobustLoss::geman_mcclure, "geman_mcclure"}};
 };
 
 namespace {

@@ -36,8 +36,8 @@ def read_euroc(left: Section, right: Section) -> StereoRig:
     right_from_left = np.linalg.inv(body_from_camera(right)) @ body_from_camera(left)
     return make_rig(
         right.file,
-        _read_camera(left),
-        _read_camera(right),
+        read_camera(left),
+        read_camera(right),
         Transform.from_matrix(right_from_left),
         readout_s=left.number(READOUT) if READOUT in left else 0.0,
     )
@@ -48,7 +48,8 @@ def body_from_camera(section: Section) -> NDArray[np.float64]:
     return check_transform(section.file, "T_BS", section.matrix("T_BS", 4, 4))
 
 
-def _read_camera(section: Section) -> Camera:
+def read_camera(section: Section) -> Camera:
+    """Return the camera of one sensor.yaml."""
     section.refuse_unknown(KNOWN_KEYS)
     if section.text("camera_model") != "pinhole":
         raise section.fault("camera_model", "only pinhole can be used; calibrate again")

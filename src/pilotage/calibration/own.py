@@ -45,8 +45,8 @@ def read_own(section: Section) -> StereoRig:
         robot_from_left = _read_transform(section.section("robot_from_left"))
     return make_rig(
         section.file,
-        _read_camera(section.section("left")),
-        _read_camera(section.section("right")),
+        read_camera(section.section("left")),
+        read_camera(section.section("right")),
         _read_transform(section.section("right_from_left")),
         robot_from_left,
         readout_s=section.number(READOUT) if READOUT in section else 0.0,
@@ -73,7 +73,8 @@ def own_values(rig: StereoRig) -> dict[str, Any]:
     return document
 
 
-def _read_camera(section: Section) -> Camera:
+def read_camera(section: Section) -> Camera:
+    """Return a camera of our own style."""
     section.refuse_unknown(["width_px", "height_px", *INTRINSICS, "distortion", "coefficients"])
     model = section.text("distortion") if "distortion" in section else "none"
     if model not in COEFFICIENTS:

@@ -28,7 +28,9 @@ KNOWN_KEYS = (*K_KEYS, *D_KEYS, *R_KEYS, *P_KEYS, *WIDTH_KEYS, *HEIGHT_KEYS, *OT
 
 
 @dataclass(frozen=True)
-class _Side:
+class Side:
+    """A camera and where its rectified picture lies."""
+
     camera: Camera
     rectified_from_camera: NDArray[np.float64]  # (3, 3)
     shift_m: NDArray[np.float64]  # (3,): rectified point of this camera minus the rectified frame's
@@ -41,14 +43,15 @@ def is_ros(section: Section) -> bool:
 
 def read_ros(left: Section, right: Section) -> StereoRig:
     """Return the rig of the two cameras' sections."""
-    a, b = _read_side(left), _read_side(right)
+    a, b = read_side(left), read_side(right)
     right_from_left = np.eye(4)
     right_from_left[:3, :3] = b.rectified_from_camera.T @ a.rectified_from_camera
     right_from_left[:3, 3] = b.rectified_from_camera.T @ (b.shift_m - a.shift_m)
     return make_rig(right.file, a.camera, b.camera, Transform.from_matrix(right_from_left))
 
 
-def _read_side(section: Section) -> _Side:
+def read_side(section: Section) -> Side:
+    """Return what the section says of one camera of a pair."""
     section.refuse_unknown(KNOWN_KEYS)
     refuse_cropping(section)
     width, height = section.first_of(*WIDTH_KEYS), section.first_of(*HEIGHT_KEYS)
@@ -62,7 +65,7 @@ def _read_side(section: Section) -> _Side:
     rectification = np.eye(4)
     rectification[:3, :3] = section.matrix(section.first_of(*R_KEYS), 3, 3)
     check_transform(section.file, R_KEYS[0], rectification)
-    return _Side(
+    return Side(
         make_camera(section, size_px, [k[0, 0], k[1, 1], k[0, 2], k[1, 2]], lens),
         rectification[:3, :3],
         np.array([p[0, 3] / p[0, 0], p[1, 3] / p[1, 1], 0.0]),

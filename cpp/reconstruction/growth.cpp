@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "reconstruction/growth.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "estimation/pose_ransac.hpp"
+#include "estimation/resection.hpp"
+#include "reconstruction/scene_adjustment.hpp"
+
+namespace pilotage {
+namespace {
+
+/// Pairs that are tried as a start.
+constexpr int max_starts = 12;
+/// Parallax beyond which a start gets no better; rad.
+constexpr double ample_parallax = 0.15;
+/// Pictures whose poses are adjusted with a new one.
+constexpr int near_pictures = 6;
+/// Of the places a picture shows, this part must agree on its pose.
+constexpr double min_pose_share = 0.25;
+
+std::vector<int> tracks_in(const Scene& scene, int picture) {
+  std::vector<int> tracks;
+  for (const Scene::Shown& shown : scene.shown_in(picture)) tracks.push_back(shown.track);
+  return tracks;
+}
+
+std::vector<int> all_tracks(const Scene& scene) {
+  std::vector<int> tracks(scene.track_count());
+  std::iota(tracks.begin(), tracks.end(), 0);
+  return tracks;
+}
+
+std::vector<int> posed_pictures(const Scene& scene) {
+  std::vector<int> pictures;
+  for (int i = 0; i < scene.picture_count(); ++i) {
+    if (scene.camera_from_world(i)) pictures.push_back(i);
+  }
+  return pictures;
+}
+
+void clear(Scene& scene) {
+  for (int i = 0; i < scene.picture_count(); ++i) scene.set_pose(i, std::nullopt);
+  for (int t = 0; t < scene.track_count(); ++t) scene.forget_point(t);
+}
+
+void pose_pair(Scene& scene, const ViewPair& pair, const ReconstructionConfig& config) {
+  clear(scene);
+  scene.set_pose(pair.matches.a, Transform{});
+  scene.set_pose(pair.matches.b, pair.geometry.b_from_a);
+  const std::vector<int> tracks = tracks_in(scene, pair.matches.a);
+  scene.place(tracks);
+  const std::array both{pair.matches.a, pair.matches.b};
+  for (int round = 0; round < 2; ++round) {
+    adjust_scene(scene, both, config, {});
+    scene.drop_outliers(tracks);
+    scene.place(tracks);
+  }
+}
+
+/// How well two pictures begin a model: what they place, the more so under wide angles.
+double start_score(const Scene& scene, const ViewPair& pair) {
+  const Eigen::Vector3d b = scene.camera_from_world(pair.matches.b)->inverse().translation;
+  double score = 0;
+  for (const Scene::Shown& shown : scene.shown_in(pair.matches.a)) {
+    const auto& place = scene.point(shown.track).in_world;
+    if (!place) continue;
+    const double cosine = place->normalized().dot((*place - b).normalized());
+    score += std::min(1.0, std::acos(std::clamp(cosine, -1.0, 1.0)) / ample_parallax);
+  }
+  return score;
+}
+
+double promise(const ViewPair& pair) {
+  const double angle = std::min(1.0, pair.geometry.median_parallax_rad / ample_parallax);
+  // A plane may be seen from two places; its pose is less sure.
+  const double trust = pair.geometry.geometry == TwoViewGeometry::plane ? 0.3 : 1.0;
+  return trust * angle * static_cast<double>(pair.matches.features_a.size());
+}
+
+/// Cells of grids of 2x2 to 16x16 that hold a place: many and well spread is best.
+class Coverage {
+ public:
+  void add(const Eigen::Vector2d& px, double half_width_px) {
+    for (std::size_t level = 0; level < cells_.size(); ++level) {
+      const int side = 2 << level;
+      const auto place = [&](double v) {
+        const double part = 0.5 + 0.5 * v / half_width_px;
+        return std::clamp(static_cast<int>(part * side), 0, side - 1);
+      };
+      cells_[level][place(px.y()) * 16 + place(px.x())] = 1;
+    }
+  }
+  int score() const {
+    int sum = 0;
+    for (std::size_t level = 0; level < cells_.size(); ++level) {
+      const auto count = std::count(cells_[level].begin(), cells_[level].end(), 1);
+      sum += static_cast<int>(count) << level;
+    }
+    return sum;
+  }
+
+ private:
+  std::array<std::array<char, 256>, 4> cells_{};
+};
+
+int visibility(const Scene& scene, int picture) {
+  double half_width_px = 1;
+  for (const Scene::Shown& shown : scene.shown_in(picture)) {
+    const Eigen::Vector2d px = scene.ideal_px(scene.track(shown.track)[shown.slot]);
+    half_width_px = std::max({half_width_px, std::abs(px.x()), std::abs(px.y())});
+  }
+  Coverage coverage;
+  int count = 0;
+  for (const Scene::Shown& shown : scene.shown_in(picture)) {
+    if (!scene.point(shown.track).in_world) continue;
+    coverage.add(scene.ideal_px(scene.track(shown.track)[shown.slot]), half_width_px);
+    ++count;
+  }
+  return count < 6 ? 0 : coverage.score();
+}
+
+std::optional<Transform> find_pose(const Scene& scene, int picture,
+                                   const ReconstructionConfig& config) {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<StereoObservation> observations;
+  std::vector<float> qualities;
+  for (const Scene::Shown& shown : scene.shown_in(picture)) {
+    const ScenePoint& point = scene.point(shown.track);
+    if (!point.in_world) continue;
+    const FeatureRef& f = scene.track(shown.track)[shown.slot];
+    const Eigen::Vector2f px = scene.ideal_px(f).cast<float>();
+    points.push_back(*point.in_world);
+    observations.push_back({0, 0, px.x(), px.y(), std::numeric_limits<float>::quiet_NaN(),
+                            static_cast<float>(scene.sigma_px(f)), 1});
+    qualities.push_back(
+        static_cast<float>(std::count(point.is_used.begin(), point.is_used.end(), 1)));
+  }
+  PoseRansacOptions ransac;
+  ransac.seed = static_cast<std::uint64_t>(config.seed);
+  ransac.max_samples = 5000;
+  ransac.min_inliers = config.min_pose_inliers;
+  const PoseRansacResult sampled =
+      resect_ransac(points, observations, scene.ideal_camera(), ransac, {}, qualities);
+  if (!sampled.camera_from_points) return std::nullopt;
+  if (sampled.inlier_count < min_pose_share * static_cast<double>(points.size())) {
+    return std::nullopt;
+  }
+  return sampled.camera_from_points;
+}
+
+/// The pictures that share most places with `picture`, itself first.
+std::vector<int> neighbours(const Scene& scene, int picture) {
+  std::vector<int> shared(scene.picture_count(), 0);
+  for (const Scene::Shown& shown : scene.shown_in(picture)) {
+    const ScenePoint& point = scene.point(shown.track);
+    if (!point.is_used[shown.slot]) continue;
+    const Track& track = scene.track(shown.track);
+    for (std::size_t k = 0; k < track.size(); ++k) shared[track[k].picture] += point.is_used[k];
+  }
+  shared[picture] = std::numeric_limits<int>::max();
+  std::vector<int> order(scene.picture_count());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return shared[a] > shared[b]; });
+  int count = 0;
+  while (count < near_pictures && count < scene.picture_count() && shared[order[count]] > 0) {
+    ++count;
+  }
+  order.resize(count);
+  return order;
+}
+
+bool settle(Scene& scene, int picture, const ReconstructionConfig& config) {
+  const std::vector<int> tracks = tracks_in(scene, picture);
+  scene.place(tracks);
+  const std::vector<int> free = neighbours(scene, picture);
+  // With nothing else to hold on to this would be an adjustment of all.
+  if (static_cast<int>(free.size()) < scene.posed_count()) adjust_scene(scene, free, config, {});
+  scene.drop_outliers(tracks);
+  const auto used = std::count_if(
+      scene.shown_in(picture).begin(), scene.shown_in(picture).end(),
+      [&](const Scene::Shown& s) { return scene.point(s.track).is_used[s.slot] != 0; });
+  return used >= config.min_pose_inliers;
+}
+
+}  // namespace
+
+bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
+                 const ReconstructionConfig& config) {
+  std::vector<const ViewPair*> order;
+  for (const ViewPair& pair : pairs) {
+    if (pair.geometry.b_from_a && promise(pair) > 0) order.push_back(&pair);
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [](const ViewPair* a, const ViewPair* b) { return promise(*a) > promise(*b); });
+  if (order.size() > max_starts) order.resize(max_starts);
+  const ViewPair* best = nullptr;
+  double best_score = 0;
+  for (const ViewPair* pair : order) {
+    pose_pair(scene, *pair, config);
+    const double score = start_score(scene, *pair);
+    if (score <= best_score) continue;
+    best_score = score;
+    best = pair;
+  }
+  clear(scene);
+  if (!best) return false;
+  pose_pair(scene, *best, config);
+  return true;
+}
+
+std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
+                               const ReconstructionConfig& config) {
+  for (;;) {
+    int best = -1, best_visibility = 0;
+    for (int i = 0; i < scene.picture_count(); ++i) {
+      if (scene.camera_from_world(i) || was_refused[i]) continue;
+      const int seen = visibility(scene, i);
+      if (seen <= best_visibility) continue;
+      best_visibility = seen;
+      best = i;
+    }
+    if (best < 0) return std::nullopt;
+    const std::optional<Transform> pose = find_pose(scene, best, config);
+    if (pose) {
+      scene.set_pose(best, pose);
+      if (settle(scene, best, config)) return best;
+      for (const Scene::Shown& shown : scene.shown_in(best)) {
+        scene.set_used(shown.track, shown.slot, false);
+      }
+      scene.set_pose(best, std::nullopt);
+      scene.drop_outliers(tracks_in(scene, best));
+    }
+    was_refused[best] = 1;
+  }
+}
+
+void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds) {
+  const std::vector<int> tracks = all_tracks(scene);
+  for (int round = 0; round < rounds; ++round) {
+    const std::vector<int> pictures = posed_pictures(scene);
+    if (pictures.size() < 2) return;
+    adjust_scene(scene, pictures, config, {.max_iterations = 20, .relative_cost_change = 1e-5});
+    const int dropped = scene.drop_outliers(tracks);
+    const int placed = scene.place(tracks);
+    if (dropped + placed < scene.track_count() / 1000) return;
+  }
+}
+
+}  // namespace pilotage

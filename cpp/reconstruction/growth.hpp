@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "reconstruction/scene.hpp"
+#include "reconstruction/view_pairs.hpp"
+
+namespace pilotage {
+
+/// Poses two pictures from their relative pose and places what both see, if that is a good start.
+///
+/// Tries the pairs with the most matches seen under a wide angle; the one that places most things
+/// at the best angles stays. False if no pair will do: nothing but turns, or nothing in common.
+bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
+                 const ReconstructionConfig& config);
+
+/// Poses the picture that shows most places, spread best, and places what it adds; adjusts what is
+/// near it. Returns the picture; empty when no other can be posed.
+std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
+                               const ReconstructionConfig& config);
+
+/// Adjusts everything, takes out what does not fit and places what can be placed now, until little
+/// changes. Ends sooner with fewer `rounds`.
+void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds);
+
+}  // namespace pilotage

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "geometry/camera.hpp"
+#include "geometry/image.hpp"
+#include "reconstruction/config.hpp"
+
+namespace pilotage {
+
+/// What became of a picture.
+enum class PictureFate {
+  posed,
+  few_features,   ///< a blank wall, darkness, blur
+  no_matches,     ///< shows nothing that another picture shows
+  no_parallax,    ///< everything it shows was seen from one place only
+  not_connected,  ///< matched, but too little of it is in the model
+};
+
+/// One observation of a point in a picture.
+struct PointView {
+  int picture = 0;
+  int point = 0;
+  Eigen::Vector2f px;     ///< in the picture, lens included
+  float residual_px = 0;  ///< length, in the ideal camera
+};
+
+/// Poses and points, up to one similarity: the world is the first picture's camera, and the
+/// longest distance between two of its points and cameras means nothing in metres.
+struct Reconstruction {
+  std::vector<std::optional<Transform>> camera_from_world;  ///< one a picture
+  std::vector<PictureFate> fates;
+  std::vector<Matrix6d>
+      pose_covariances;  ///< left perturbation of world_from_camera; of posed ones
+  std::vector<Eigen::Vector3d> points_in_world;
+  std::vector<std::uint8_t> greys;
+  std::vector<PointView> views;  ///< by point
+  double rms_px = 0;             ///< of the residuals' x and y
+  int feature_count = 0, pair_count = 0, track_count = 0;
+};
+
+/// Structure from motion of pictures taken by calibrated cameras (second paper, section 2.3).
+///
+/// `camera_of_picture[i]` is an index into `cameras`; each picture has its camera's size.
+/// `is_ordered`: the pictures follow each other as given. The same pictures in another order give
+/// the same model, but for the world's name. Throws std::invalid_argument for contradictory input;
+/// what cannot be solved is said in `fates`.
+Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const Camera> cameras,
+                           std::span<const int> camera_of_picture, bool is_ordered,
+                           const ReconstructionConfig& config);
+
+}  // namespace pilotage

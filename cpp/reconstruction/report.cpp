@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "reconstruction/report.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "reconstruction/scene_adjustment.hpp"
+
+namespace pilotage {
+namespace {
+
+/// A picture with fewer features says nothing.
+constexpr int few_features = 50;
+
+PictureFate fate_of(const Scene& scene, int k, const DescribedPicture& described,
+                    const std::vector<ViewPair>& pairs) {
+  if (scene.camera_from_world(k)) return PictureFate::posed;
+  if (static_cast<int>(described.rays.size()) < few_features) return PictureFate::few_features;
+  bool is_matched = false, has_parallax = false;
+  for (const ViewPair& pair : pairs) {
+    if (pair.matches.a != k && pair.matches.b != k) continue;
+    is_matched = true;
+    has_parallax = has_parallax || pair.geometry.geometry != TwoViewGeometry::rotation;
+  }
+  if (!is_matched) return PictureFate::no_matches;
+  return has_parallax ? PictureFate::not_connected : PictureFate::no_parallax;
+}
+
+std::uint8_t grey_at(const ImageView& picture, const Eigen::Vector2f& px) {
+  const int x = std::clamp(static_cast<int>(std::lround(px.x())), 0, picture.width - 1);
+  const int y = std::clamp(static_cast<int>(std::lround(px.y())), 0, picture.height - 1);
+  return picture.at(x, y);
+}
+
+/// Points in the order of their tracks, each with its views.
+void report_points(const Scene& scene, std::span<const DescribedPicture> described,
+                   std::span<const int> order, std::span<const ImageView> pictures,
+                   Reconstruction& result) {
+  double squares = 0;
+  for (int t = 0; t < scene.track_count(); ++t) {
+    const ScenePoint& point = scene.point(t);
+    if (!point.in_world) continue;
+    const int index = static_cast<int>(result.points_in_world.size());
+    result.points_in_world.push_back(*point.in_world);
+    for (std::size_t k = 0; k < scene.track(t).size(); ++k) {
+      if (!point.is_used[k]) continue;
+      const FeatureRef& f = scene.track(t)[k];
+      PointView view{order[f.picture], index, described[f.picture].features.points_px[f.feature],
+                     0};
+      view.residual_px = static_cast<float>(scene.misfit(f, *point.in_world) * scene.sigma_px(f));
+      squares += 0.5 * view.residual_px * view.residual_px;
+      result.views.push_back(view);
+    }
+    const PointView& last = result.views.back();
+    result.greys.push_back(grey_at(pictures[last.picture], last.px));
+  }
+  if (!result.views.empty()) {
+    result.rms_px = std::sqrt(squares / static_cast<double>(result.views.size()));
+  }
+}
+
+}  // namespace
+
+Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
+                      const std::vector<ViewPair>& pairs, std::span<const int> order,
+                      std::span<const ImageView> pictures, const ReconstructionConfig& config) {
+  Reconstruction result;
+  const std::size_t count = pictures.size();
+  result.camera_from_world.resize(count);
+  result.fates.resize(count);
+  result.pose_covariances.assign(count, Matrix6d::Zero());
+  std::vector<int> posed;
+  for (int k = 0; k < static_cast<int>(count); ++k) {
+    result.camera_from_world[order[k]] = scene.camera_from_world(k);
+    result.fates[order[k]] = fate_of(scene, k, described[k], pairs);
+    if (scene.camera_from_world(k)) posed.push_back(k);
+    result.feature_count += static_cast<int>(described[k].rays.size());
+  }
+  result.pair_count = static_cast<int>(pairs.size());
+  result.track_count = scene.track_count();
+  report_points(scene, described, order, pictures, result);
+  return result;
+}
+
+}  // namespace pilotage

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "reconstruction/reconstruct.hpp"
+#include "reconstruction/scene.hpp"
+#include "reconstruction/view_pairs.hpp"
+
+namespace pilotage {
+
+/// The model as the caller knows its pictures: scene picture k is pictures[order[k]]. Covariances
+/// are worked out here.
+Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
+                      const std::vector<ViewPair>& pairs, std::span<const int> order,
+                      std::span<const ImageView> pictures, const ReconstructionConfig& config);
+
+}  // namespace pilotage

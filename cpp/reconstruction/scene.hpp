@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "geometry/camera.hpp"
+#include "reconstruction/config.hpp"
+#include "reconstruction/tracks.hpp"
+
+namespace pilotage {
+
+/// A picture's features as all cameras' common ideal one would see them: no lens, principal point
+/// at (0, 0), one focal length. What is behind can then be one problem for whatever cameras.
+struct SeenFeatures {
+  std::vector<Eigen::Vector2f> ideal_px;
+  std::vector<float> sigma_px;  ///< in the ideal camera
+  int size() const { return static_cast<int>(ideal_px.size()); }
+};
+
+/// A track's place, once it has one.
+struct ScenePoint {
+  std::optional<Eigen::Vector3d> in_world;
+  std::vector<char> is_used;  ///< one a feature of the track: it fits the place
+};
+
+/// The model while it grows: poses of pictures and places of tracks, in one world.
+class Scene {
+ public:
+  /// A feature of a track, the `slot`-th of it, as a picture lists those it shows.
+  struct Shown {
+    int track = 0;
+    int slot = 0;
+  };
+
+  Scene(std::vector<SeenFeatures> pictures, std::vector<Track> tracks, double focal_px,
+        const ReconstructionConfig& config);
+
+  int picture_count() const { return static_cast<int>(pictures_.size()); }
+  int track_count() const { return static_cast<int>(tracks_.size()); }
+  const Track& track(int t) const { return tracks_[t]; }
+  const ScenePoint& point(int t) const { return points_[t]; }
+  std::span<const Shown> shown_in(int picture) const { return shown_[picture]; }
+  const std::optional<Transform>& camera_from_world(int picture) const { return poses_[picture]; }
+  const RectifiedStereo& ideal_camera() const { return ideal_; }
+  int posed_count() const;
+
+  void set_pose(int picture, const std::optional<Transform>& camera_from_world);
+  void set_point(int t, const Eigen::Vector3d& in_world) { points_[t].in_world = in_world; }
+  void set_used(int t, int slot, bool is_used) { points_[t].is_used[slot] = is_used; }
+  void forget_point(int t);
+
+  Eigen::Vector2d ideal_px(const FeatureRef& f) const {
+    return pictures_[f.picture].ideal_px[f.feature].cast<double>();
+  }
+  double sigma_px(const FeatureRef& f) const { return pictures_[f.picture].sigma_px[f.feature]; }
+  /// Unit ray of a feature.
+  Eigen::Vector3d ray(const FeatureRef& f) const;
+  /// Distance of a feature from a place, in standard errors; infinite behind the camera.
+  double misfit(const FeatureRef& f, const Eigen::Vector3d& in_world) const;
+
+  /// Places (again) each of these tracks where two posed pictures or more agree on it; those that
+  /// have a place keep it, and features that now fit are used. Returns how many were placed newly.
+  int place(std::span<const int> tracks);
+  /// Takes features that do not fit out of use, and places that are left with too few or hardly
+  /// any angle. Returns how many features went.
+  int drop_outliers(std::span<const int> tracks);
+
+  /// Poses of a world that is `scale` times as large, with `picture` at its origin.
+  void normalise(int picture, double scale);
+
+ private:
+  bool place_anew(int t);
+  std::optional<Eigen::Vector3d> intersect(const FeatureRef& a, const FeatureRef& b) const;
+  bool has_angle(int t) const;
+  int use_fitting(int t);
+
+  ReconstructionConfig config_;
+  RectifiedStereo ideal_;
+  std::vector<SeenFeatures> pictures_;
+  std::vector<Track> tracks_;
+  std::vector<ScenePoint> points_;
+  std::vector<std::vector<Shown>> shown_;
+  std::vector<std::optional<Transform>> poses_;
+  std::vector<Eigen::Matrix3d> rotation_;  // of poses_, as a matrix
+};
+
+}  // namespace pilotage

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reconstruct: pictures in, where each was taken and what it shows out (structure from motion)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pilotage import PictureFate
+from pilotage.errors import InputError
+from pilotage.models import Model
+from pilotage.recordings.pictures import PictureError, read_grey
+
+if TYPE_CHECKING:
+    from pilotage import Camera, Reconstruction, ReconstructionConfig
+    from pilotage.recordings.frames import Grey
+
+# What a person reads of a picture without a pose, and what helps.
+FATE_WORDS: Mapping[PictureFate, str] = {
+    PictureFate.few_features: "shows hardly any detail: more light, less motion, another view",
+    PictureFate.no_matches: "shows nothing that another picture shows: take pictures between",
+    PictureFate.no_parallax: "what it shares with others was seen from one place only: a turn of"
+    " the camera says nothing of distance, move it sideways",
+    PictureFate.not_connected: "shares too little with the others: take pictures between",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reconstructed:
+    """A model of the posed pictures, and what became of every picture.
+
+    The world is the camera of the first posed picture; the unit of length is unknown.
+    """
+
+    model: Model
+    names: tuple[str, ...]  # of all pictures, as given
+    fates: tuple[PictureFate, ...]  # of all pictures
+    result: Reconstruction
+
+    @property
+    def is_whole(self) -> bool:
+        """Tell whether every picture has a pose."""
+        return all(fate is PictureFate.posed for fate in self.fates)
+
+
+def reconstruct(
+    pictures: Sequence[Path],
+    *,
+    camera: Camera,
+    ordered: bool = True,
+    config: ReconstructionConfig | None = None,
+) -> Reconstructed:
+    """Return the model of picture files, all taken by `camera`.
+
+    `ordered` pictures follow each other; the order does not change what is found, only how many
+    of very many pictures are compared. InputError names a picture that cannot be read or has
+    another size. What cannot be solved is said in `fates`.
+    """
+    from pilotage import ReconstructionConfig, _core
+
+    greys = _read(pictures, camera)
+    result = _core.reconstruct(
+        pictures=greys,
+        cameras=[camera],
+        camera_of_picture=[0] * len(greys),
+        is_ordered=ordered,
+        config=config or ReconstructionConfig(),
+    )
+    names = _names(pictures)
+    return Reconstructed(
+        model=_model(names, camera, result), names=names, fates=tuple(result.fates), result=result
+    )
+
+
+def _read(pictures: Sequence[Path], camera: Camera) -> list[Grey]:
+    try:
+        with ThreadPoolExecutor(max_workers=2) as pool:
+            greys = list(pool.map(read_grey, pictures))
+    except PictureError as error:
+        raise InputError(str(error)) from None
+    for file, grey in zip(pictures, greys, strict=True):
+        if grey.shape != (camera.height_px, camera.width_px):
+            raise InputError(
+                f"{file}: {grey.shape[1]}x{grey.shape[0]} pixels, its camera has"
+                f" {camera.width_px}x{camera.height_px}; calibrate at the pictures' size"
+            )
+    return greys
+
+
+def _names(pictures: Sequence[Path]) -> tuple[str, ...]:
+    """Return file names where they differ, else whole paths."""
+    short = tuple(file.name for file in pictures)
+    return short if len(set(short)) == len(short) else tuple(str(file) for file in pictures)
+
+
+def _model(names: Sequence[str], camera: Camera, result: Reconstruction) -> Model:
+    posed = [i for i, pose in enumerate(result.camera_from_world) if pose is not None]
+    index = np.full(len(names), -1, dtype=np.int64)
+    index[posed] = np.arange(len(posed))
+    poses: list[Any] = [result.camera_from_world[i] for i in posed]
+    return Model(
+        cameras=(camera,),
+        names=tuple(names[i] for i in posed),
+        camera_index=np.zeros(len(posed), dtype=np.int64),
+        camera_from_world=tuple(poses),
+        points_in_world=result.points_in_world,
+        colors=np.repeat(result.greys[:, None], 3, axis=1),
+        picture=index[result.view_pictures],
+        point=result.view_points.astype(np.int64),
+        pixel_px=result.view_px.astype(np.float64),
+    )
