@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "estimation/ray_matches.hpp"
+#include "geometry/transform.hpp"
+
+namespace pilotage {
+
+/// [t]x R of a motion, t scaled to unit length.
+Eigen::Matrix3d essential_of(const Transform& b_from_a);
+
+/// The four motions of an essential matrix (singular values 1, 1, 0), unit translations: two
+/// rotations, each with both directions; 0 and 1, 2 and 3 differ by the direction.
+std::array<Transform, 4> motions_of(const Eigen::Matrix3d& essential);
+
+/// Along both rays to where they meet best; the unit is the length of the translation.
+struct RayDepths {
+  double a, b;
+  double parallax_rad;  ///< angle between the rays, the rotation taken out
+};
+RayDepths depths_along(const Transform& b_from_a, const Eigen::Vector3d& ray_a,
+                       const Eigen::Vector3d& ray_b);
+
+/// Gauss-Newton on the angles of `epipolar_errors` over rotation and direction (five unknowns),
+/// with Tukey's weights: matches beyond `limit_rad` count nothing. At most about `most` of the
+/// matches are used, evenly spread over those within the limit at the start.
+Transform refine_motion(const RayMatches& matches, const Transform& b_from_a, double limit_rad,
+                        int iterations, int most);
+
+}  // namespace pilotage
