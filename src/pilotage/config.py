@@ -19,7 +19,7 @@ import yaml
 from pilotage.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
-    from pilotage import JudgeConfig, OdometryConfig
+    from pilotage import JudgeConfig, OdometryConfig, ReconstructionConfig
 
 PAIRS, JUDGE = "pairs", "judge"
 # What a pair that looks down needs otherwise. Seen from straight above, an offset of the right
@@ -76,6 +76,21 @@ def load_config(path: Path | None = None, settings: Sequence[str] = ()) -> UserC
     for setting in settings:
         config = _changed(config, _parse(setting), f"--set {setting}")
     return config
+
+
+def load_reconstruction_config(
+    path: Path | None = None, settings: Sequence[str] = ()
+) -> ReconstructionConfig:
+    """Return a reconstruction's configuration; keys and errors as in `load_config`."""
+    from pilotage import ReconstructionConfig
+
+    sources = [] if path is None else [(_read(path), str(path))]
+    sources += [(_parse(setting), f"--set {setting}") for setting in settings]
+    changes: dict[str, Any] = {}
+    for values, where in sources:
+        _check(values, ReconstructionConfig, where, "")
+        changes |= values
+    return ReconstructionConfig.from_dict(changes)
 
 
 def _changed(config: UserConfig, values: Mapping[str, Any], where: str) -> UserConfig:

@@ -68,7 +68,7 @@ class ResultsFolder:
         self._live: dict[str, LineFile] = {}
 
     def __enter__(self) -> Self:
-        self._check_free()
+        check_free(self.path, overwrite=self._overwrite)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -177,20 +177,6 @@ class ResultsFolder:
         """Write summary.json; NaN becomes null, for JSON has none."""
         write_json(self.path / SUMMARY, {"program": "pilotage", **summary})
 
-    def _check_free(self) -> None:
-        if not self.path.exists():
-            return
-        if not self.path.is_dir():
-            raise InputError(f"{self.path} is a file; results need a folder")
-        if not any(self.path.iterdir()):
-            return
-        if not is_results_folder(self.path):
-            raise InputError(f"{self.path} holds other things than results; choose another folder")
-        if not self._overwrite:
-            raise InputError(
-                f"{self.path} holds earlier results; choose another folder or give --overwrite"
-            )
-
 
 @dataclass(frozen=True)
 class Results:
@@ -244,6 +230,20 @@ def _clear_pairs(path: Path) -> None:
             folder.rmdir()
     if path.is_dir() and not any(path.iterdir()):
         path.rmdir()
+
+
+def check_free(path: Path, *, overwrite: bool) -> None:
+    """Raise InputError unless `path` is new, empty, or holds earlier results to be replaced."""
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise InputError(f"{path} is a file; results need a folder")
+    if not any(path.iterdir()):
+        return
+    if not is_results_folder(path):
+        raise InputError(f"{path} holds other things than results; choose another folder")
+    if not overwrite:
+        raise InputError(f"{path} holds earlier results; choose another folder or give --overwrite")
 
 
 def is_results_folder(path: Path) -> bool:

@@ -62,8 +62,8 @@ def write_own(rig: StereoRig) -> str:
 def own_values(rig: StereoRig) -> dict[str, Any]:
     """Return a rig as the values of its keys."""
     document: dict[str, Any] = {
-        "left": _camera_values(rig.left),
-        "right": _camera_values(rig.right),
+        "left": camera_values(rig.left),
+        "right": camera_values(rig.right),
         "right_from_left": _transform_values(rig.right_from_left),
     }
     if rig.robot_from_left is not None:
@@ -100,7 +100,8 @@ def _read_transform(section: Section) -> Transform:
     return Transform(translation_m=translation_m, quaternion_wxyz=quaternion_wxyz)
 
 
-def _camera_values(camera: Camera) -> dict[str, Any]:
+def camera_values(camera: Camera) -> dict[str, Any]:
+    """Return a camera as the values of its keys."""
     names = COEFFICIENTS[camera.distortion]
     values: dict[str, Any] = {"width_px": camera.width_px, "height_px": camera.height_px}
     values |= {key: float(getattr(camera, key)) for key in INTRINSICS}

@@ -10,6 +10,7 @@ import typer
 from pilotage.cli.convert import convert
 from pilotage.cli.evaluate import evaluate
 from pilotage.cli.localize import localize
+from pilotage.cli.reconstruct import reconstruct
 from pilotage.cli.recover import recover
 from pilotage.cli.simulate import simulate
 
@@ -20,6 +21,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command()(localize)
+app.command()(reconstruct)
 app.command()(evaluate)
 app.command()(convert)
 app.command()(recover)

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A folder of pictures in, a folder with their model out: what `pilotage reconstruct` does."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import yaml
+
+from pilotage import PictureFate, __version__
+from pilotage.atomic_files import write_atomically, write_each
+from pilotage.behaviors.reconstruct import FATE_WORDS, Reconstructed, reconstruct
+from pilotage.calibration.one_camera import camera_of_view, load_camera
+from pilotage.calibration.own import camera_values
+from pilotage.errors import InputError
+from pilotage.models import Model, write_colmap_binary, write_colmap_text, write_ply
+from pilotage.provenance import program_commit
+from pilotage.recordings.pictures import PictureError, list_pictures, read_grey
+from pilotage.results import CALIBRATION, CLOUD, CONFIG, SUMMARY, check_free, write_json
+
+if TYPE_CHECKING:
+    from pilotage import Camera, ReconstructionConfig
+
+TEXT, BINARY = "colmap_text", "colmap_binary"
+CLOUD_WITH_CAMERAS = "points_and_cameras.ply"
+
+
+def reconstruct_folder(  # noqa: PLR0913, all by name
+    *,
+    pictures: Path,
+    out: Path,
+    calibration: Path | None,
+    fov_deg: float | None,
+    ordered: bool,
+    config: ReconstructionConfig,
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Reconstruct the pictures of a folder, write the folder `out`, and return its summary.
+
+    The camera is that of `calibration`, of a file beside the pictures, or a pinhole of `fov_deg`.
+    InputError where there are no pictures, no camera, or `out` is not free; RunError where a file
+    cannot be written: what can be is.
+    """
+    files = list_pictures(pictures)
+    if not files:
+        raise InputError(f"{pictures}: holds no pictures; give a folder of them")
+    camera = _camera_of(files, pictures, calibration, fov_deg)
+    check_free(out, overwrite=overwrite)
+    _begin(out)
+    start, start_cpu = time.perf_counter(), time.process_time()
+    found = reconstruct(files, camera=camera, ordered=ordered, config=config)
+    cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
+    summary = _summary(pictures, found) | cost
+    model = coloured(found.model, {file.name: file for file in files})
+    errors = write_each(_writes(out, model, camera, config, summary))
+    if errors:
+        raise errors[0]
+    return summary
+
+
+def _camera_of(
+    files: list[Path], folder: Path, calibration: Path | None, fov_deg: float | None
+) -> Camera:
+    if calibration is not None and fov_deg is not None:
+        raise InputError("--calibration and --fov-deg: give one of them")
+    size_px = _size_of(files[0])
+    if fov_deg is not None:
+        return camera_of_view(size_px, fov_deg)
+    try:
+        return load_camera(calibration or folder, image_size_px=size_px)
+    except InputError:
+        if calibration is not None:
+            raise
+    raise InputError(
+        f"{folder}: holds no calibration of its camera; give --calibration, or --fov-deg with its"
+        " horizontal field of view"
+    )
+
+
+def _size_of(file: Path) -> tuple[int, int]:
+    try:
+        height, width = read_grey(file).shape
+    except PictureError as error:
+        raise InputError(str(error)) from None
+    return width, height
+
+
+def _begin(out: Path) -> None:
+    """Mark the folder as ours and unfinished, and take away what an earlier run left."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
+    write_json(out / SUMMARY, {"program": "pilotage", "state": "running"})
+    for name in (CLOUD, CLOUD_WITH_CAMERAS, CALIBRATION, CONFIG):
+        (out / name).unlink(missing_ok=True)
+    for folder in (TEXT, BINARY):
+        for file in (out / folder).glob("*.*"):
+            file.unlink()
+
+
+def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
+    posed = len(found.model.names)
+    missing = {
+        name: FATE_WORDS[fate]
+        for name, fate in zip(found.names, found.fates, strict=True)
+        if fate is not PictureFate.posed
+    }
+    result = found.result
+    return {
+        "program": "pilotage", "version": __version__, "commit": program_commit(),
+        "state": "done", "source": str(pictures), "verdict": verdict(found),
+        "pictures": len(found.names), "posed": posed, "without_pose": missing,
+        "points": len(found.model.points_in_world), "observations": len(found.model.picture),
+        "rms_px": result.rms_px, "features": result.feature_count,
+        "matched_pairs": result.pair_count, "tracks": result.track_count, "unit": "unknown",
+    }  # fmt: skip
+
+
+def verdict(found: Reconstructed) -> str:
+    """Return in a line what the reconstruction amounts to."""
+    if found.is_whole:
+        return "whole"
+    if found.model.names:
+        return f"partial: {len(found.model.names)} of {len(found.names)} pictures"
+    if len(found.names) < 2:
+        return "one picture says nothing of distance: give two or more"
+    fates = [fate for fate in found.fates if fate is not PictureFate.posed]
+    commonest = max(set(fates), key=lambda fate: (fates.count(fate), fate.value))
+    return FATE_WORDS[commonest]
+
+
+def _writes(
+    out: Path, model: Model, camera: Camera, config: ReconstructionConfig, summary: dict[str, Any]
+) -> list[Callable[[], object]]:
+    text = yaml.safe_dump(camera_values(camera), sort_keys=False)
+    settings = yaml.safe_dump(config.to_dict(), sort_keys=False)
+    writes: list[Callable[[], object]] = [
+        functools.partial(write_atomically, out / CALIBRATION, text),
+        functools.partial(write_atomically, out / CONFIG, settings),
+    ]
+    if model.names:
+        writes += [
+            functools.partial(write_colmap_text, out / TEXT, model),
+            functools.partial(write_colmap_binary, out / BINARY, model),
+            functools.partial(write_ply, out / CLOUD, model),
+            functools.partial(write_ply, out / CLOUD_WITH_CAMERAS, model, with_cameras=True),
+        ]
+    # Last: a summary that says "done" vouches for the rest.
+    return [*writes, functools.partial(write_json, out / SUMMARY, summary)]
+
+
+def coloured(model: Model, files: dict[str, Path]) -> Model:
+    """Return the model with each point in the colour of the last picture that shows it."""
+    colors = model.colors.copy()
+    for i, name in enumerate(model.names):
+        picture = cv2.imread(str(files[name]), cv2.IMREAD_COLOR) if name in files else None
+        if picture is None:
+            continue
+        rows = np.flatnonzero(model.picture == i)
+        x, y = np.rint(model.pixel_px[rows]).astype(int).T
+        x, y = x.clip(0, picture.shape[1] - 1), y.clip(0, picture.shape[0] - 1)
+        colors[model.point[rows]] = picture[y, x, ::-1]
+    return Model(**{**vars(model), "colors": colors})

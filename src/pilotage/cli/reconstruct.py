@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb `reconstruct`: pictures in, a model in a results folder out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pilotage.cli import options
+from pilotage.cli.errors import FAILED, errors_to_exit, fail, say_warning
+
+
+def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
+    pictures: Annotated[Path, typer.Argument(help="Folder of pictures of one camera.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the model.")] = Path("out"),
+    calibration: options.Calibration = None,
+    fov_deg: Annotated[
+        float | None,
+        typer.Option(
+            help="Horizontal field of view of a camera without calibration.", show_default=False
+        ),
+    ] = None,
+    unordered: Annotated[
+        bool, typer.Option("--unordered", help="The pictures do not follow each other.")
+    ] = False,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            help="Configuration YAML: what differs from the defaults.", show_default=False
+        ),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option(help="Replace an earlier model in that folder.")
+    ] = False,
+    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+) -> None:
+    """Example: pilotage reconstruct pictures/ --fov-deg 60.9 -o model/
+
+    Find where each picture was taken and what it shows, from pictures alone (structure from
+    motion). The model is written for COLMAP (text and binary), as PLY and as a trajectory; lengths
+    are in the model's own unit. Pictures that cannot be placed are named with the reason.
+    """
+    with errors_to_exit(debug=debug):
+        from pilotage.behaviors.model_folder import reconstruct_folder
+        from pilotage.config import load_reconstruction_config
+
+        summary = reconstruct_folder(
+            pictures=pictures,
+            out=out,
+            calibration=calibration,
+            fov_deg=fov_deg,
+            ordered=not unordered,
+            config=load_reconstruction_config(config, settings or []),
+            overwrite=overwrite,
+        )
+        _conclude(summary, out)
+
+
+def _conclude(summary: dict[str, Any], out: Path) -> None:
+    for name, words in summary["without_pose"].items():
+        say_warning(f"{name}: {words}")
+    posed, total = summary["posed"], summary["pictures"]
+    if posed == 0:
+        fail(f"no model: {summary['verdict']}", FAILED)
+    typer.echo(
+        f"{posed} of {total} pictures placed, {summary['points']} points, residuals"
+        f" {summary['rms_px']:.2f} px rms, {summary['wall_s']:.1f} s; {out / 'summary.json'}"
+    )
