@@ -2,7 +2,6 @@
 #include "estimation/essential.hpp"
 
 #include <cmath>
-#include <vector>
 
 namespace pilotage {
 namespace {
@@ -45,22 +44,6 @@ void add_match(const Vector3d& t, const Vector3d& q, const Vector3d& b, double l
   sums.normal.noalias() += weight * jacobian * jacobian.transpose();
 }
 
-std::vector<int> spread_within(const RayMatches& matches, const Transform& b_from_a,
-                               double limit_rad, int most) {
-  std::vector<float> squared;
-  epipolar_errors(matches, essential_of(b_from_a), squared);
-  const auto limit2 = static_cast<float>(limit_rad * limit_rad);
-  std::vector<int> within;
-  for (int i = 0; i < matches.count; ++i) {
-    if (squared[i] < limit2) within.push_back(i);
-  }
-  const std::size_t stride = (within.size() + most - 1) / most;
-  if (stride < 2) return within;
-  std::vector<int> spread;
-  for (std::size_t i = 0; i < within.size(); i += stride) spread.push_back(within[i]);
-  return spread;
-}
-
 }  // namespace
 
 Matrix3d essential_of(const Transform& b_from_a) {
@@ -91,9 +74,24 @@ RayDepths depths_along(const Transform& b_from_a, const Vector3d& ray_a, const V
           std::atan2(std::sqrt(sine2), turned.dot(ray_b))};
 }
 
-Transform refine_motion(const RayMatches& matches, const Transform& b_from_a, double limit_rad,
-                        int iterations, int most) {
-  const std::vector<int> used = spread_within(matches, b_from_a, limit_rad, most);
+std::vector<int> epipolar_inliers(const RayMatches& matches, const Transform& b_from_a,
+                                  double limit_rad, int most) {
+  std::vector<float> squared;
+  epipolar_errors(matches, essential_of(b_from_a), squared);
+  const auto limit2 = static_cast<float>(limit_rad * limit_rad);
+  std::vector<int> within;
+  for (int i = 0; i < matches.count; ++i) {
+    if (squared[i] < limit2) within.push_back(i);
+  }
+  const std::size_t stride = (within.size() + most - 1) / most;
+  if (stride < 2) return within;
+  std::vector<int> spread;
+  for (std::size_t i = 0; i < within.size(); i += stride) spread.push_back(within[i]);
+  return spread;
+}
+
+Transform refine_motion(const RayMatches& matches, std::span<const int> used,
+                        const Transform& b_from_a, double limit_rad, int iterations) {
   Transform motion = b_from_a;
   motion.translation.normalize();
   if (used.size() < 5) return motion;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <span>
+#include <vector>
 
 #include "estimation/ray_matches.hpp"
 #include "geometry/transform.hpp"
@@ -24,10 +25,13 @@ struct RayDepths {
 RayDepths depths_along(const Transform& b_from_a, const Eigen::Vector3d& ray_a,
                        const Eigen::Vector3d& ray_b);
 
-/// Gauss-Newton on the angles of `epipolar_errors` over rotation and direction (five unknowns),
-/// with Tukey's weights: matches beyond `limit_rad` count nothing. At most about `most` of the
-/// matches are used, evenly spread over those within the limit at the start.
-Transform refine_motion(const RayMatches& matches, const Transform& b_from_a, double limit_rad,
-                        int iterations, int most);
+/// Gauss-Newton on the angles of `epipolar_errors` of the matches `used` (indices) over rotation
+/// and direction (five unknowns), with Tukey's weights: beyond `limit_rad` a match counts nothing.
+Transform refine_motion(const RayMatches& matches, std::span<const int> used,
+                        const Transform& b_from_a, double limit_rad, int iterations);
+
+/// Matches whose `epipolar_errors` are below the limit, at most about `most`, evenly spread.
+std::vector<int> epipolar_inliers(const RayMatches& matches, const Transform& b_from_a,
+                                  double limit_rad, int most);
 
 }  // namespace pilotage

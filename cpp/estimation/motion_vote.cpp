@@ -23,6 +23,14 @@ constexpr std::array run_widenings = {2.0, 1.2};
 constexpr int run_matches = 100;
 constexpr std::array final_widenings = {1.5, 1.0, 1.0};
 constexpr int final_matches = 500;
+/// Draws of so many inliers jump out of minima nearby: of forward motion, whose points near the
+/// epipole say most and are lost first.
+constexpr int inner_size = 14;
+constexpr int inner_draws = 25;
+constexpr double inner_widening = 3;
+constexpr float near_best = 1.1F;
+constexpr double noise_limit_sigma = 3;
+constexpr double least_limit = 0.1;
 /// Motions this close vote for each other.
 constexpr double same_direction_rad = 0.09;
 constexpr double same_rotation_rad = 0.03;
@@ -47,12 +55,15 @@ class Search {
         needed_(std::max(1, options.max_samples / std::max(1, options.runs))) {}
 
   VotedMotion run(std::span<const float> qualities);
+  Transform polish(const Transform& b_from_a) const;
 
  private:
+  Transform polish_in_front(const Transform& b_from_a) const;
   Winner run_once(Sampler& sampler);
   void try_sample(const std::array<int, 5>& sample, Winner& best);
   template <std::size_t rounds>
   void refine(const std::array<double, rounds>& widenings, int most, Winner& best) const;
+  void search_within(Winner& best) const;
   void update_needed(const Winner& best);
   bool is_decided() const;
   const Winner* vote() const;
@@ -70,9 +81,31 @@ template <std::size_t rounds>
 void Search::refine(const std::array<double, rounds>& widenings, int most, Winner& best) const {
   Transform motion = best.b_from_a;
   for (const double widening : widenings) {
-    motion = refine_motion(matches_, motion, widening * options_.limit_rad, 2, most);
+    const double limit_rad = widening * options_.limit_rad;
+    const std::vector<int> used = epipolar_inliers(matches_, motion, limit_rad, most);
+    motion = refine_motion(matches_, used, motion, limit_rad, 2);
     const float cost = epipolar_cost(matches_, essential_of(motion), cap_, best.cost);
     if (cost < best.cost) best = {motion, cost};
+  }
+}
+
+void Search::search_within(Winner& best) const {
+  const std::vector<int> near = epipolar_inliers(
+      matches_, best.b_from_a, inner_widening * options_.limit_rad, matches_.count);
+  if (near.size() <= inner_size) return;
+  Sampler sampler(static_cast<int>(near.size()), inner_size, {}, options_.seed + 200);
+  for (int draw = 0; draw < inner_draws; ++draw) {
+    std::array<int, inner_size> sample;
+    sampler.draw(sample);
+    for (int& index : sample) index = near[index];
+    Winner other;
+    other.b_from_a =
+        refine_motion(matches_, sample, best.b_from_a, inner_widening * options_.limit_rad, 3);
+    const float limit = near_best * best.cost;
+    other.cost = epipolar_cost(matches_, essential_of(other.b_from_a), cap_, limit);
+    if (!(other.cost < limit)) continue;
+    refine(run_widenings, final_matches, other);
+    if (other.cost < best.cost) best = other;
   }
 }
 
@@ -149,6 +182,36 @@ const Winner* Search::vote() const {
   return elected;
 }
 
+Transform Search::polish(const Transform& b_from_a) const {
+  Winner best{b_from_a, epipolar_cost(matches_, essential_of(b_from_a), cap_,
+                                      std::numeric_limits<float>::infinity())};
+  search_within(best);
+  refine(final_widenings, final_matches, best);
+  return best.b_from_a;
+}
+
+/// Polishes without what lies behind a camera, half of the wrong matches, and within the limit that
+/// the noise itself asks for: wrong matches near the epipole turn the motion easily.
+Transform Search::polish_in_front(const Transform& b_from_a) const {
+  const Transform motion = motion_in_front(matches_, essential_of(b_from_a), options_.limit_rad);
+  std::vector<float> squared;
+  epipolar_errors(matches_, essential_of(motion), squared);
+  std::vector<Vector3d> rays_a, rays_b;
+  std::vector<double> magnitudes;
+  for (int i = 0; i < matches_.count; ++i) {
+    const RayDepths depths = depths_along(motion, matches_.rays_a[i], matches_.rays_b[i]);
+    if (!(depths.a > 0 && depths.b > 0) && depths.parallax_rad > options_.limit_rad) continue;
+    rays_a.push_back(matches_.rays_a[i]);
+    rays_b.push_back(matches_.rays_b[i]);
+    if (squared[i] < cap_) magnitudes.push_back(std::sqrt(double{squared[i]}));
+  }
+  MotionVoteOptions options = options_;
+  options.limit_rad = std::clamp(noise_limit_sigma * sigma_from_median(magnitudes),
+                                 least_limit * options_.limit_rad, options_.limit_rad);
+  if (magnitudes.size() < inner_size) return motion;
+  return Search(RayMatches(rays_a, rays_b), options).polish(motion);
+}
+
 VotedMotion Search::run(std::span<const float> qualities) {
   VotedMotion result;
   if (matches_.count < 5) return result;
@@ -162,7 +225,7 @@ VotedMotion Search::run(std::span<const float> qualities) {
   if (elected == nullptr) return result;
   Winner best = *elected;
   refine(final_widenings, final_matches, best);
-  result.b_from_a = best.b_from_a;
+  result.b_from_a = polish_in_front(best.b_from_a);
   return result;
 }
 

@@ -18,11 +18,10 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double confidence = 0.99;
-constexpr int refinements = 3;
+/// Local optimisation: four noisy points look further around first.
+constexpr std::array widenings = {3.0, 1.5, 1.0, 1.0};
 constexpr int rotation_rounds = 5;
 constexpr int refined_matches = 120;
-/// A first fit to four noisy points looks further around.
-constexpr double first_widening = 2;
 
 Matrix3d by_rows(const Vector9d& v) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(v.data());
@@ -114,8 +113,9 @@ bool Search::try_sample(std::span<const int> sample) {
   Matrix3d homography = by_rows(*null);
   face_forward(matches_, used, homography);
   if (!improve(homography)) return false;
-  for (int i = 0; i < refinements; ++i) {
-    if (!improve(fit(best_, i == 0 ? first_widening : 1)) && i > 0) break;
+  for (const double widening : widenings) {
+    homography = fit(homography, widening);
+    improve(homography);
   }
   return true;
 }
@@ -194,7 +194,7 @@ Eigen::Quaterniond fit_rotation(const RayMatches& matches, const Matrix3d& rotat
   Matrix3d best = rotation;
   std::vector<float> squared;
   for (int round = 0; round < rotation_rounds; ++round) {
-    const double widening = round == 0 ? first_widening : 1;
+    const double widening = round == 0 ? widenings[1] : 1;
     const auto limit2 = static_cast<float>(std::pow(widening * limit_rad, 2));
     transfer_errors(matches, best, squared);
     Matrix3d sum = Matrix3d::Zero();

@@ -49,13 +49,18 @@ struct Piece {
 /// Keeps the lower half in `piece`, returns the upper one (de Casteljau's algorithm).
 Piece split(Piece& piece) {
   Piece upper{piece.bernstein, piece.low + piece.width / 2, piece.width / 2, piece.halvings + 1};
+  // Sums instead of averages, scaled at the end by powers of two: exact. Unrolled, they stay in
+  // registers.
+  double scale = 1;
+#pragma GCC unroll 10
   for (int round = 0; round < degree; ++round) {
-    piece.bernstein[round] = upper.bernstein[0];
-    for (int i = 0; i < degree - round; ++i) {
-      upper.bernstein[i] = 0.5 * (upper.bernstein[i] + upper.bernstein[i + 1]);
-    }
+    piece.bernstein[round] = scale * upper.bernstein[0];
+    scale *= 0.5;
+#pragma GCC unroll 10
+    for (int i = 0; i < degree - round; ++i) upper.bernstein[i] += upper.bernstein[i + 1];
   }
-  piece.bernstein[degree] = upper.bernstein[0];
+  piece.bernstein[degree] = scale * upper.bernstein[0];
+  for (int i = 0; i < degree; ++i, scale *= 2) upper.bernstein[i] *= scale;
   piece.width = upper.width;
   piece.halvings = upper.halvings;
   return upper;
