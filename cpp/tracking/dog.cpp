@@ -62,7 +62,9 @@ PILOTAGE_INLINE void blur_row_by(const float* row, std::ptrdiff_t stride, int wi
 PILOTAGE_KERNEL void blur_row(const float* row, std::ptrdiff_t stride, int width, int radius,
                               const float* weight, float* __restrict column,
                               float* __restrict out) {
-  if (radius <= 5) {
+  if (radius <= 3) {
+    blur_row_by<3>(row, stride, width, weight, column, out);
+  } else if (radius <= 5) {
     blur_row_by<5>(row, stride, width, weight, column, out);
   } else if (radius <= 6) {
     blur_row_by<6>(row, stride, width, weight, column, out);
@@ -164,19 +166,16 @@ struct DogDetector::Buffers {
   Octave planes;
   std::vector<float> column;
   std::vector<float> lines[differences][3];  // rings of rows of differences
+  std::vector<float> scratch;
   std::vector<unsigned char> marks;
   std::vector<int> places;
-  std::vector<Gaussian> steps;  // from each picture of an octave to the next
-
-  Buffers() {
+  /// Blurs the first picture of an octave, of so many pixels as sigma, on and on.
+  void blur_octave(double first_sigma) {
     for (int s = 1; s < blurred; ++s) {
-      const double before = base_sigma * std::exp2((s - 1.0) / intervals);
-      steps.emplace_back(before * std::sqrt(std::exp2(2.0 / intervals) - 1));
+      const double before = first_sigma * std::exp2((s - 1.0) / intervals);
+      const Gaussian step(before * std::sqrt(std::exp2(2.0 / intervals) - 1));
+      blur(planes[s - 1], step, column, planes[s]);
     }
-  }
-
-  void blur_octave() {
-    for (int s = 1; s < blurred; ++s) blur(planes[s - 1], steps[s - 1], column, planes[s]);
   }
 
   /// Calls found(x, y, layer) for each pixel that stands out.
@@ -200,7 +199,7 @@ struct DogDetector::Buffers {
             rows.row[s][r] = lines[layer + s - 1][(y - 2 + r) % 3].data();
           }
         }
-        mark_extrema(rows, width, floor, marks.data());
+        mark_extrema(rows, width, floor, scratch, marks.data());
         list_marked(marks.data(), width, places);
         for (const int x : places) found(x, y - 1, layer);
       }
@@ -230,35 +229,47 @@ void DogDetector::detect(const ImageView& image, std::vector<Blob>& blobs) {
   blobs.clear();
   if (std::min(image.width, image.height) < min_size) return;
   Buffers& work = *buffers_;
-  options_.is_doubled ? copy_doubled(image, work.base) : copy(image, work.base);
-  const double sharp = options_.is_doubled ? 2 * camera_sigma : camera_sigma;
-  blur(work.base, Gaussian(std::sqrt(base_sigma * base_sigma - sharp * sharp)), work.column,
+  using enum DogOptions::FirstOctave;
+  const bool is_fine = options_.first_octave == fine;
+  const bool is_doubled = options_.first_octave == doubled;
+  is_doubled ? copy_doubled(image, work.base) : copy(image, work.base);
+  const double sharp = is_doubled ? 2 * camera_sigma : camera_sigma;
+  const double first_sigma = is_fine ? base_sigma / 2 : base_sigma;
+  blur(work.base, Gaussian(std::sqrt(first_sigma * first_sigma - sharp * sharp)), work.column,
        work.planes[0]);
-  float pixel = options_.is_doubled ? 0.5F : 1.0F;  // of the octave, in the picture's
-  for (int octave = 0; octave < options_.octaves; ++octave, pixel *= 2) {
-    if (octave > 0) {
+  float pixel = is_doubled ? 0.5F : 1.0F;  // of the octave, in the picture's
+  const int first = is_fine || is_doubled ? -1 : 0;
+  for (int octave = first; octave < options_.octaves; ++octave) {
+    if (octave == 0 && is_fine) {
+      std::swap(work.planes[0], work.planes[intervals]);
+    } else if (octave > first) {
       take_every_second(work.planes[intervals], work.base);
       std::swap(work.base, work.planes[0]);
+      pixel *= 2;
     }
-    const int width = work.planes[0].width(), height = work.planes[0].height();
-    if (std::min(width, height) < min_size) break;
-    work.blur_octave();
-    const auto border = static_cast<float>(options_.border_px);
-    const auto right = static_cast<float>(image.width - 1) - border;
-    const auto bottom = static_cast<float>(image.height - 1) - border;
-    // Peaks between pixels are up to a fifth higher than the pixels.
-    work.find_extrema(
-        0.8F * options_.min_contrast, static_cast<int>(border / pixel),
-        [&](int x, int y, int layer) {
-          const auto peak = refine(work.planes, x, y, layer, options_);
-          if (!peak) return;
-          const float u = pixel * peak->x, v = pixel * peak->y;
-          if (u < border || v < border || u > right || v > bottom) return;
-          // A difference between s and k s answers most to a Gaussian spot of sigma s sqrt(k).
-          const double sigma = base_sigma * std::exp2((peak->layer + 0.5) / intervals);
-          blobs.push_back({u, v, pixel * static_cast<float>(sigma), std::abs(peak->value)});
-        });
+    if (std::min(work.planes[0].width(), work.planes[0].height()) < min_size) break;
+    const double sigma = octave < 0 ? first_sigma : base_sigma;
+    work.blur_octave(sigma);
+    collect(image, sigma, pixel, blobs);
   }
+}
+
+void DogDetector::collect(const ImageView& image, double first_sigma, float pixel,
+                          std::vector<Blob>& blobs) {
+  const auto border = static_cast<float>(options_.border_px);
+  const auto right = static_cast<float>(image.width - 1) - border;
+  const auto bottom = static_cast<float>(image.height - 1) - border;
+  const auto add = [&](int x, int y, int layer) {
+    const auto peak = refine(buffers_->planes, x, y, layer, options_);
+    if (!peak) return;
+    const float u = pixel * peak->x, v = pixel * peak->y;
+    if (u < border || v < border || u > right || v > bottom) return;
+    // A difference between s and k s answers most to a Gaussian spot of sigma s sqrt(k).
+    const double sigma = first_sigma * std::exp2((peak->layer + 0.5) / intervals);
+    blobs.push_back({u, v, pixel * static_cast<float>(sigma), std::abs(peak->value)});
+  };
+  // Peaks between pixels are up to a fifth higher than the pixels.
+  buffers_->find_extrema(0.8F * options_.min_contrast, static_cast<int>(border / pixel), add);
 }
 
 }  // namespace pilotage

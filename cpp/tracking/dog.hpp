@@ -10,10 +10,13 @@
 namespace pilotage {
 
 struct DogOptions {
-  int octaves = 5;
-  /// Starts with the picture at twice its size: spots half as large are found too, at four times
-  /// the cost of all the others.
-  bool is_doubled = false;
+  enum class FirstOctave {
+    full,     ///< spots of a sigma of 2 pixels and more
+    fine,     ///< another octave of half the scales, at full size, for half the time again
+    doubled,  ///< the same octave at twice the size: repeats better, at three times the time
+  };
+  FirstOctave first_octave = FirstOctave::fine;
+  int octaves = 5;  ///< from the full one on
   /// Grey levels between the picture at two scales a third of an octave apart. Lowe's 0.03 of the
   /// whole range is 7.6; 3.4 is what OpenCV makes of its default for three intervals.
   float min_contrast = 2.5F;
@@ -42,6 +45,7 @@ class DogDetector {
 
  private:
   struct Buffers;
+  void collect(const ImageView& image, double first_sigma, float pixel, std::vector<Blob>& blobs);
   DogOptions options_;
   std::unique_ptr<Buffers> buffers_;
 };

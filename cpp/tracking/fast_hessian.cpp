@@ -127,6 +127,7 @@ struct FastHessianDetector::Buffers {
   SumTable table;
   Responses planes;
   Image pictures[2];
+  std::vector<float> scratch;
   std::vector<unsigned char> marks;
   std::vector<int> places;
 
@@ -157,7 +158,7 @@ struct FastHessianDetector::Buffers {
         for (int s = 0; s < 3; ++s) {
           for (int r = 0; r < 3; ++r) rows.row[s][r] = planes[layer + s - 1].row(y + r - 1);
         }
-        mark_extrema(rows, width, floor, marks.data());
+        mark_extrema(rows, width, floor, scratch, marks.data());
         list_marked(marks.data(), width, places);
         for (const int x : places) found(x, y, layer);
       }

@@ -34,7 +34,7 @@ class ScalePyramid {
     }
   }
   int count() const { return count_; }
-  const ImageView& level(int index) {
+  ImageView level(int index) {
     while (static_cast<int>(views_.size()) <= index) {
       smaller_.emplace_back();
       shrink(views_.back(), root2, smaller_.back());
@@ -144,7 +144,7 @@ std::vector<Blob> spread(const ImageView& image, const std::vector<Blob>& blobs,
 }
 
 std::vector<Blob> find(ScalePyramid& pyramid, const RegionOptions& options) {
-  const ImageView& image = pyramid.level(0);
+  const ImageView image = pyramid.level(0);
   std::vector<Blob> all, kind;
   const auto append = [&] {
     rank(kind);
@@ -157,8 +157,6 @@ std::vector<Blob> find(ScalePyramid& pyramid, const RegionOptions& options) {
     append();
   }
   if (options.uses_harris) find_corners(pyramid, options, kind), append();
-  std::stable_sort(all.begin(), all.end(),
-                   [](const Blob& a, const Blob& b) { return a.score > b.score; });
   return spread(image, without_twins(image, all, options), options);
 }
 
@@ -215,7 +213,7 @@ Features describe(ScalePyramid& pyramid, std::span<const Blob> blobs,
       points.push_back(features.points_px[i] / ScalePyramid::scale(level));
       if (!angles_rad.empty()) angles.push_back(angles_rad[i]);
     }
-    const ImageView& picture = pyramid.level(level);
+    const ImageView picture = pyramid.level(level);
     if (angles_rad.empty() && window.is_oriented) describer.find_angles(picture, points, angles);
     describer.describe(picture, points, angles, descriptors);
     for (std::size_t k = 0; k < points.size(); ++k) {

@@ -18,26 +18,38 @@ constexpr int lane = 16;  // floats of the widest register
 PILOTAGE_INLINE float lower(float a, float b) { return a < b ? a : b; }
 PILOTAGE_INLINE float higher(float a, float b) { return a > b ? a : b; }
 
-PILOTAGE_KERNEL void mark(const float* const* row, int width, float floor,
-                          unsigned char* __restrict is_extremum) {
-  const float *a0 = row[0], *a1 = row[1], *a2 = row[2], *b0 = row[3], *b1 = row[4], *b2 = row[5],
-              *c0 = row[6], *c1 = row[7], *c2 = row[8];
+/// Of each column of nine the highest and lowest, and the middle one where it is highest or lowest
+/// of them (elsewhere what cannot pass).
+struct Columns {
+  float *high, *low, *top, *bottom;
+};
+
+PILOTAGE_KERNEL void compare_within_columns(const float* const* row, int width,
+                                            const Columns& columns) {
+  const float *r0 = row[0], *r1 = row[1], *r2 = row[2], *r3 = row[3], *r4 = row[4], *r5 = row[5],
+              *r6 = row[6], *r7 = row[7], *r8 = row[8];
+  float* __restrict high = columns.high, * __restrict low = columns.low;
+  float* __restrict top = columns.top, * __restrict bottom = columns.bottom;
+  for (int i = 0; i < width; ++i) {
+    const float v = r4[i];
+    const float high_before = higher(higher(r0[i], r1[i]), higher(r2[i], r3[i]));
+    const float high_after = higher(higher(r5[i], r6[i]), higher(r7[i], r8[i]));
+    const float low_before = lower(lower(r0[i], r1[i]), lower(r2[i], r3[i]));
+    const float low_after = lower(lower(r5[i], r6[i]), lower(r7[i], r8[i]));
+    high[i] = higher(higher(high_before, high_after), v);
+    low[i] = lower(lower(low_before, low_after), v);
+    top[i] = (v > high_before) & (v >= high_after) ? v : -1e30F;
+    bottom[i] = (v < low_before) & (v <= low_after) ? v : 1e30F;
+  }
+}
+
+PILOTAGE_KERNEL void compare_columns(const Columns& columns, int width, float floor,
+                                     unsigned char* __restrict is_extremum) {
+  const float *high = columns.high, *low = columns.low, *top = columns.top,
+              *bottom = columns.bottom;
   for (int i = 1; i < width - 1; ++i) {
-    const float v = b1[i];
-    float high = b1[i - 1], low = high;
-    const auto before = [&](float other) __attribute__((always_inline)) {
-      high = higher(high, other);
-      low = lower(low, other);
-    };
-    for (const float* r : {a0, a1, a2, b0}) before(r[i - 1]), before(r[i]), before(r[i + 1]);
-    float later_high = b1[i + 1], later_low = later_high;
-    const auto after = [&](float other) __attribute__((always_inline)) {
-      later_high = higher(later_high, other);
-      later_low = lower(later_low, other);
-    };
-    for (const float* r : {b2, c0, c1, c2}) after(r[i - 1]), after(r[i]), after(r[i + 1]);
-    const bool is_high = (v > floor) & (v > high) & (v >= later_high);
-    const bool is_low = (v < -floor) & (v < low) & (v <= later_low);
+    const bool is_high = (top[i] > floor) & (top[i] > high[i - 1]) & (top[i] >= high[i + 1]);
+    const bool is_low = (bottom[i] < -floor) & (bottom[i] < low[i - 1]) & (bottom[i] <= low[i + 1]);
     is_extremum[i] = static_cast<unsigned char>(is_high | is_low);
   }
 }
@@ -87,9 +99,17 @@ void Plane::repeat_edge_rows() {
   }
 }
 
-void mark_extrema(const NeighbourRows& rows, int width, float floor, unsigned char* is_extremum) {
-  std::memset(is_extremum, 0, width);
-  mark(&rows.row[0][0], width, floor, is_extremum);
+void mark_extrema(const NeighbourRows& rows, int width, float floor, std::vector<float>& scratch,
+                  unsigned char* is_extremum) {
+  const int line = width + lane;
+  scratch.resize(static_cast<std::size_t>(4) * line);
+  float* first = scratch.data();
+  const Columns columns{first, first + line, first + 2 * line, first + 3 * line};
+  const float* pointers[9];
+  for (int k = 0; k < 9; ++k) pointers[k] = rows.row[k / 3][k % 3];
+  compare_within_columns(pointers, width, columns);
+  is_extremum[0] = is_extremum[width - 1] = 0;
+  compare_columns(columns, width, floor, is_extremum);
 }
 
 void list_marked(const unsigned char* marks, int width, std::vector<int>& places) {

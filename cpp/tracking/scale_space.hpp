@@ -46,8 +46,10 @@ struct NeighbourRows {
 };
 
 /// Marks pixels 1..width-2 of the middle row that are above `floor` and higher than their 26
-/// neighbours, or below -floor and lower; of equal ones the first.
-void mark_extrema(const NeighbourRows& rows, int width, float floor, unsigned char* is_extremum);
+/// neighbours, or below -floor and lower; of equal ones
+/// the leftmost, the finest, the uppermost. Two at least in a row; `scratch` keeps its memory.
+void mark_extrema(const NeighbourRows& rows, int width, float floor, std::vector<float>& scratch,
+                  unsigned char* is_extremum);
 
 /// Indices of what is marked among `width` bytes, in order.
 void list_marked(const unsigned char* marks, int width, std::vector<int>& places);
