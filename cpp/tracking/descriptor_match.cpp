@@ -3,28 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <string>
 
-#include "geometry/dispatch.hpp"
+#include "tracking/descriptor_distance.hpp"
 
 namespace pilotage {
 namespace {
-
-/// Squared distances of `query` to the chosen descriptors.
-PILOTAGE_KERNEL void measure(const Descriptor& query, const Descriptor* all, const int* chosen,
-                             int count, int* __restrict squared) {
-  for (int i = 0; i < count; ++i) {
-    const std::uint8_t* other = all[chosen[i]].data();
-    int sum = 0;
-    for (int k = 0; k < 128; ++k) {
-      const auto difference = static_cast<std::int16_t>(query[k] - other[k]);
-      sum += difference * difference;
-    }
-    squared[i] = sum;
-  }
-}
 
 /// Points sorted into rectangular buckets.
 class PointGrid {
@@ -85,60 +70,22 @@ class PointGrid {
   std::vector<int> first_, members_;
 };
 
-/// The nearest of b to each a and of a to each b, among the pairs that were looked at.
-struct Nearest {
-  static constexpr int none = std::numeric_limits<int>::max();
-  int best = none, second = none, partner = -1;  // of the present a
-  std::vector<int> best_of_b, partner_of_b;
-
-  explicit Nearest(std::size_t size_b) : best_of_b(size_b, none), partner_of_b(size_b, -1) {}
-
-  void update(int a, const std::vector<int>& candidates, const std::vector<int>& squared) {
-    best = second = none, partner = -1;
-    for (std::size_t k = 0; k < candidates.size(); ++k) {
-      const int distance = squared[k], other = candidates[k];
-      if (distance < best) {
-        second = best, best = distance, partner = other;
-      } else {
-        second = std::min(second, distance);
-      }
-      if (distance < best_of_b[other]) {
-        best_of_b[other] = distance;
-        partner_of_b[other] = a;
-      }
-    }
-  }
-};
-
 /// Ratio and mutual tests over the candidates that `list(i, candidates)` gives for each a.
 template <typename List>
 std::vector<DescriptorMatch> match(std::span<const Descriptor> a, std::span<const Descriptor> b,
                                    const DescriptorMatchOptions& options, List&& list) {
   options.validate();
-  Nearest nearest(b.size());
+  NearestDescriptors nearest(a.size(), b.size());
   std::vector<int> candidates, squared;
-  std::vector<DescriptorMatch> matches;
   for (std::size_t i = 0; i < a.size(); ++i) {
     candidates.clear();
     list(i, candidates);
     squared.resize(candidates.size());
-    measure(a[i], b.data(), candidates.data(), static_cast<int>(candidates.size()), squared.data());
+    measure_chosen(a[i], b.data(), candidates.data(), static_cast<int>(candidates.size()),
+                   squared.data());
     nearest.update(static_cast<int>(i), candidates, squared);
-    if (nearest.partner < 0) continue;
-    const float distance = std::sqrt(static_cast<float>(nearest.best));
-    const float beside = nearest.second == Nearest::none
-                             ? options.max_distance
-                             : std::sqrt(static_cast<float>(nearest.second));
-    const float ratio = beside > 0 ? distance / beside : 1;
-    if (distance <= options.max_distance && ratio <= options.max_ratio) {
-      matches.push_back({static_cast<int>(i), nearest.partner, distance, ratio});
-    }
   }
-  if (options.is_mutual) {
-    std::erase_if(matches,
-                  [&](const DescriptorMatch& m) { return nearest.partner_of_b[m.b] != m.a; });
-  }
-  return matches;
+  return nearest.matches(options);
 }
 
 void require_same_size(std::size_t points, std::size_t descriptors, const char* name) {
