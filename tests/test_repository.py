@@ -22,7 +22,7 @@ EXPLAINED = re.compile(r"^\s*(?://|#) Long: \w", re.MULTILINE)
 # A package may use those of the layers before its own. Modules beside the packages stand with the
 # behaviors: they may use the first layer, and everybody may use them.
 PYTHON_LAYERS = [
-    ("recordings", "calibration", "evaluation", "robots", "cameras", "simulation"),
+    ("recordings", "calibration", "models", "evaluation", "robots", "cameras", "simulation"),
     ("behaviors",),
     ("cli",),
 ]

@@ -28,6 +28,7 @@ VARIANTS: list[tuple[str, dict[str, object]]] = [
     ("yard", {"relief_m": 0.1, "path": "closed-50m"}),
     ("corridor", {"corners": 3}),
     ("office", {}),
+    ("office", {"person": "sit"}),
 ]
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pilotage.atomic_files import LineFile, produce_atomically, write_atomically
 from pilotage.errors import InputError, RunError
 from pilotage.judge_files import judge_header
+from pilotage.models.ply import ply_bytes as colored_ply
 from pilotage.pose_files import (
     PoseRecord,
     csv_header,
@@ -277,14 +278,4 @@ def ply_bytes(points_m: NDArray[np.floating[Any]], greys: NDArray[np.uint8]) -> 
     if points_m.shape != (len(greys), 3):
         raise RunError(f"{len(greys)} greys do not fit points of shape {points_m.shape}")
     finite = np.isfinite(points_m).all(axis=1)
-    vertices = np.empty(
-        int(finite.sum()),
-        dtype=[("point", "<f4", 3), ("red", "u1"), ("green", "u1"), ("blue", "u1")],
-    )
-    vertices["point"] = points_m[finite]
-    for colour in ("red", "green", "blue"):
-        vertices[colour] = greys[finite]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    header += [f"property float {axis}" for axis in "xyz"]
-    header += [f"property uchar {colour}" for colour in ("red", "green", "blue")]
-    return "\n".join([*header, "end_header\n"]).encode("ascii") + vertices.tobytes()
+    return colored_ply(points_m[finite], np.repeat(greys[finite, None], 3, axis=1))

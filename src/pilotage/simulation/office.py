@@ -19,7 +19,7 @@ from pilotage.simulation.furniture import (
 from pilotage.simulation.grounds import FLOORS
 from pilotage.simulation.marks import add_mark
 from pilotage.simulation.options import chosen, ranged
-from pilotage.simulation.person import SHOULDER_M, add_person, round_walk
+from pilotage.simulation.person import SHOULDER_M, add_person, add_seated_person, round_walk
 from pilotage.simulation.room import (
     DOOR_M,
     Wall,
@@ -44,7 +44,7 @@ class OfficeOptions:
     floor: str = chosen("carpet", list(FLOORS))
     length_m: float = ranged(8.4, 8.0, 20.0)
     width_m: float = ranged(6.8, 6.0, 20.0)
-    person: str = chosen("walk", ["none", "stand", "walk"])
+    person: str = chosen("walk", ["none", "stand", "sit", "walk"])
     person_m_s: float = ranged(0.5, 0.05, 2.0)
 
 
@@ -77,8 +77,11 @@ def _add_person(scene: Scene, options: OfficeOptions, table: tuple[float, float]
     radii = (LOOP_M, min(room_m, LOOP_M * float(scene.rng.uniform(0.95, 1.15))))
     walk = round_walk(table, radii, options.person_m_s)
     place = walk.points[int(scene.rng.integers(len(walk.points)))]
-    walks = options.person == "walk"
-    add_person(scene, walk if walks else None, (float(place[0]), float(place[1])))
+    place_m = (float(place[0]), float(place[1]))
+    if options.person == "sit":
+        add_seated_person(scene, place_m)
+    else:
+        add_person(scene, walk if options.person == "walk" else None, place_m)
 
 
 def _furnish(scene: Scene, wall: Wall, number: int, *, has_door: bool) -> None:
