@@ -70,8 +70,7 @@ RayDepths depths_along(const Transform& b_from_a, const Vector3d& ray_a, const V
   const Vector3d normal = turned.cross(ray_b);
   const double sine2 = normal.squaredNorm();
   return {ray_b.cross(b_from_a.translation).dot(normal) / sine2,
-          turned.cross(b_from_a.translation).dot(normal) / sine2,
-          std::atan2(std::sqrt(sine2), turned.dot(ray_b))};
+          turned.cross(b_from_a.translation).dot(normal) / sine2, sine2, turned.dot(ray_b)};
 }
 
 std::vector<int> epipolar_inliers(const RayMatches& matches, const Transform& b_from_a,

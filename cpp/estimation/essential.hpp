@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -20,7 +21,12 @@ std::array<Transform, 4> motions_of(const Eigen::Matrix3d& essential);
 /// Along both rays to where they meet best; the unit is the length of the translation.
 struct RayDepths {
   double a, b;
-  double parallax_rad;  ///< angle between the rays, the rotation taken out
+  double sine2, cosine;  ///< of the angle between the rays, the rotation taken out
+
+  double parallax_rad() const { return std::atan2(std::sqrt(sine2), cosine); }
+  bool is_in_front() const { return a > 0 && b > 0; }
+  /// Whether the parallax is below a small angle: on which side the point lies is then noise.
+  bool is_far(double angle_rad) const { return cosine > 0 && sine2 < angle_rad * angle_rad; }
 };
 RayDepths depths_along(const Transform& b_from_a, const Eigen::Vector3d& ray_a,
                        const Eigen::Vector3d& ray_b);

@@ -20,15 +20,16 @@ using Eigen::Vector3d;
 constexpr int min_samples = 5;  ///< in a run: noisy samples of five are poor alone
 /// Local optimisation of what a sample gave: matches within a shrinking limit.
 constexpr std::array run_widenings = {2.0, 1.2};
-constexpr int run_matches = 100;
+constexpr int run_matches = 70;
 constexpr std::array final_widenings = {1.5, 1.0, 1.0};
 constexpr int final_matches = 500;
 /// Draws of so many inliers jump out of minima nearby: of forward motion, whose points near the
 /// epipole say most and are lost first.
 constexpr int inner_size = 14;
-constexpr int inner_draws = 25;
+constexpr int inner_draws = 20;
+constexpr int inner_matches = 120;
 constexpr double inner_widening = 3;
-constexpr float near_best = 1.1F;
+constexpr float near_best = 1.05F;
 constexpr double noise_limit_sigma = 3;
 constexpr double least_limit = 0.1;
 /// Motions this close vote for each other.
@@ -104,7 +105,7 @@ void Search::search_within(Winner& best) const {
     const float limit = near_best * best.cost;
     other.cost = epipolar_cost(matches_, essential_of(other.b_from_a), cap_, limit);
     if (!(other.cost < limit)) continue;
-    refine(run_widenings, final_matches, other);
+    refine(run_widenings, inner_matches, other);
     if (other.cost < best.cost) best = other;
   }
 }
@@ -200,7 +201,7 @@ Transform Search::polish_in_front(const Transform& b_from_a) const {
   std::vector<double> magnitudes;
   for (int i = 0; i < matches_.count; ++i) {
     const RayDepths depths = depths_along(motion, matches_.rays_a[i], matches_.rays_b[i]);
-    if (!(depths.a > 0 && depths.b > 0) && depths.parallax_rad > options_.limit_rad) continue;
+    if (!depths.is_in_front() && !depths.is_far(options_.limit_rad)) continue;
     rays_a.push_back(matches_.rays_a[i]);
     rays_b.push_back(matches_.rays_b[i]);
     if (squared[i] < cap_) magnitudes.push_back(std::sqrt(double{squared[i]}));
@@ -240,9 +241,9 @@ Transform motion_in_front(const RayMatches& matches, const Matrix3d& essential, 
     if (!(squared[i] < limit_rad * limit_rad)) continue;
     for (int k = 0; k < 4; k += 2) {
       const RayDepths depths = depths_along(motions[k], matches.rays_a[i], matches.rays_b[i]);
-      if (depths.parallax_rad < limit_rad) continue;
+      if (depths.is_far(limit_rad)) continue;
       // The opposite direction turns both signs.
-      in_front[k] += depths.a > 0 && depths.b > 0;
+      in_front[k] += depths.is_in_front();
       in_front[k + 1] += depths.a < 0 && depths.b < 0;
     }
   }

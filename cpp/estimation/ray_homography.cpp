@@ -18,6 +18,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr double confidence = 0.99;
+constexpr int min_samples = 8;  ///< noise makes some samples of good matches poor
 /// Local optimisation: four noisy points look further around first.
 constexpr std::array widenings = {3.0, 1.5, 1.0, 1.0};
 constexpr int rotation_rounds = 5;
@@ -142,8 +143,12 @@ RayHomography Search::run(double sought_share, int max_samples, std::uint64_t se
     std::array<int, 4> sample;
     sampler.draw(sample);
     if (!try_sample(sample)) continue;
-    const double share = std::min(1.0, double(count_explained(result.explained)) / count);
-    needed = std::min(needed, required_samples(share, 4, confidence, max_samples));
+    count_explained(result.explained);
+    const auto among = std::count_if(candidates_.begin(), candidates_.end(),
+                                     [&](int i) { return result.explained[i] != 0; });
+    const double share = double(among) / count;
+    needed = std::min(needed,
+                      std::max(min_samples, required_samples(share, 4, confidence, max_samples)));
   }
   if (!std::isfinite(best_cost_)) return result;
   result.b_from_a = best_;

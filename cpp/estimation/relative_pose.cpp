@@ -93,8 +93,7 @@ void Search::mark(Epipolar& epipolar) const {
     if (!(squared[i] < limit_rad_ * limit_rad_)) continue;
     const RayDepths depths =
         depths_along(epipolar.b_from_a, matches_.rays_a[i], matches_.rays_b[i]);
-    // Which side far points lie on is noise.
-    epipolar.inlier[i] = (depths.a > 0 && depths.b > 0) || depths.parallax_rad < limit_rad_;
+    epipolar.inlier[i] = depths.is_in_front() || depths.is_far(limit_rad_);
   }
   epipolar.count = count_of(epipolar.inlier);
 }
@@ -170,7 +169,8 @@ void Search::conclude(TwoViewGeometry geometry, const Transform& b_from_a,
   std::vector<double> parallax;
   for (int i = 0; i < matches_.count; ++i) {
     if (!inlier[i]) continue;
-    parallax.push_back(depths_along(b_from_a, matches_.rays_a[i], matches_.rays_b[i]).parallax_rad);
+    parallax.push_back(
+        depths_along(b_from_a, matches_.rays_a[i], matches_.rays_b[i]).parallax_rad());
   }
   const auto middle = parallax.begin() + parallax.size() / 2;
   std::nth_element(parallax.begin(), middle, parallax.end());
