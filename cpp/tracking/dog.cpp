@@ -134,14 +134,17 @@ std::optional<Peak> refine(const Octave& planes, int x, int y, int layer,
                            const DogOptions& options) {
   const float r = options.max_edge_ratio;
   for (int step = 0; step < 5; ++step) {
-    if (layer < 1 || layer > intervals || x < 1 || y < 1 || x > planes[0].width() - 2 ||
-        y > planes[0].height() - 2) {
+    if (x < 1 || y < 1 || x > planes[0].width() - 2 || y > planes[0].height() - 2) {
       return std::nullopt;
     }
     auto peak = fit_peak(read_neighbourhood(planes, x, y, layer));
     if (!peak) return std::nullopt;
-    const float farthest = std::max({std::abs(peak->x), std::abs(peak->y), std::abs(peak->layer)});
-    if (farthest < 0.6F) {
+    const float farthest = std::max(std::abs(peak->x), std::abs(peak->y));
+    // Between two octaves each may hold that the peak is the other's: the first or last layer
+    // keeps what is less than a layer away.
+    const int next = std::clamp(layer + static_cast<int>(std::lround(peak->layer)), 1, intervals);
+    const float layer_limit = next == layer ? 1.0F : 0.6F;
+    if (farthest < 0.6F && std::abs(peak->layer) < layer_limit) {
       if (std::abs(peak->value) < options.min_contrast || peak->edge_ratio < 0 ||
           peak->edge_ratio > (r + 1) * (r + 1) / r) {
         return std::nullopt;
@@ -154,7 +157,7 @@ std::optional<Peak> refine(const Octave& planes, int x, int y, int layer,
     if (farthest > 3) return std::nullopt;
     x += static_cast<int>(std::lround(peak->x));
     y += static_cast<int>(std::lround(peak->y));
-    layer += static_cast<int>(std::lround(peak->layer));
+    layer = next;
   }
   return std::nullopt;
 }

@@ -104,60 +104,65 @@ class Cells {
   std::vector<std::vector<int>> lists_;
 };
 
-/// Of blobs at the same place and scale the first stays.
+/// What of `blobs` has no twin, at the same place and scale, before it or in `others`.
 std::vector<Blob> without_twins(const ImageView& image, const std::vector<Blob>& blobs,
-                                const RegionOptions& options) {
-  std::vector<Blob> kept;
+                                const std::vector<Blob>& others, const RegionOptions& options) {
+  std::vector<Blob> kept = others;
   Cells cells(image, 16);
-  const float ratio = options.same_scale_ratio;
+  for (std::size_t i = 0; i < kept.size(); ++i) cells.at(kept[i]).push_back(static_cast<int>(i));
+  const float unit = options.same_place_px / smoothing_sigma;
   for (const Blob& blob : blobs) {
-    const float unit = options.same_place_px / smoothing_sigma;
     const auto is_twin = [&](int index) {
       const Blob& other = kept[index];
       const float finer = std::min(blob.sigma_px, other.sigma_px);
       const float reach = unit * std::max(finer, smoothing_sigma);
-      return std::max(blob.sigma_px, other.sigma_px) <= ratio * finer &&
+      return std::max(blob.sigma_px, other.sigma_px) <= options.same_scale_ratio * finer &&
              std::hypot(blob.x - other.x, blob.y - other.y) < reach;
     };
     if (cells.any_within(blob, unit * std::max(blob.sigma_px, smoothing_sigma), is_twin)) continue;
     cells.at(blob).push_back(static_cast<int>(kept.size()));
     kept.push_back(blob);
   }
+  kept.erase(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(others.size()));
   return kept;
 }
 
-/// Takes the strongest of every cell, then the second of every cell, until there are enough.
-std::vector<Blob> spread(const ImageView& image, const std::vector<Blob>& blobs,
-                         const RegionOptions& options) {
+/// Adds the strongest of every cell, then the second of every cell, until there are enough; what is
+/// in a cell already comes before.
+void add_spread(const ImageView& image, const std::vector<Blob>& blobs,
+                const RegionOptions& options, std::vector<Blob>& chosen) {
   Cells cells(image, options.spread_cell_px);
-  std::vector<std::pair<int, int>> order;  // place in the cell, index
+  for (const Blob& blob : chosen) cells.at(blob).push_back(0);
+  std::vector<std::pair<std::size_t, std::size_t>> order;  // place in the cell, index
   for (std::size_t i = 0; i < blobs.size(); ++i) {
     std::vector<int>& list = cells.at(blobs[i]);
-    order.push_back({static_cast<int>(list.size()), static_cast<int>(i)});
-    list.push_back(static_cast<int>(i));
+    order.push_back({list.size(), i});
+    list.push_back(0);
   }
   std::sort(order.begin(), order.end());
-  order.resize(std::min(order.size(), static_cast<std::size_t>(options.max_points)));
-  std::vector<Blob> chosen;
+  const std::size_t room = static_cast<std::size_t>(options.max_points) - chosen.size();
+  order.resize(std::min(order.size(), room));
   for (const auto& [place, index] : order) chosen.push_back(blobs[index]);
-  return chosen;
 }
 
 std::vector<Blob> find(ScalePyramid& pyramid, const RegionOptions& options) {
   const ImageView image = pyramid.level(0);
-  std::vector<Blob> all, kind;
-  const auto append = [&] {
+  std::vector<Blob> chosen, kind;
+  const auto has_room = [&] {
+    return chosen.size() < static_cast<std::size_t>(options.max_points);
+  };
+  const auto add_kind = [&] {
     rank(kind);
-    all.insert(all.end(), kind.begin(), kind.end());
+    add_spread(image, without_twins(image, kind, chosen, options), options, chosen);
     kind.clear();
   };
-  if (options.uses_dog) DogDetector(options.dog).detect(image, kind), append();
-  if (options.uses_fast_hessian) {
+  if (options.uses_dog) DogDetector(options.dog).detect(image, kind), add_kind();
+  if (options.uses_fast_hessian && has_room()) {
     FastHessianDetector(options.fast_hessian).detect(image, kind);
-    append();
+    add_kind();
   }
-  if (options.uses_harris) find_corners(pyramid, options, kind), append();
-  return spread(image, without_twins(image, all, options), options);
+  if (options.uses_harris && has_room()) find_corners(pyramid, options, kind), add_kind();
+  return chosen;
 }
 
 /// Where and with which window a blob is described.
@@ -178,6 +183,27 @@ float cell_of(int size) {
   return std::clamp(cell_px * std::exp2(static_cast<float>(size) / (2 * sizes)), 3.0F, 6.0F);
 }
 
+using Groups = std::vector<std::vector<int>>;  // of places, each with its blobs
+
+/// Fills all of `features` but angles and descriptors.
+Groups group_by_place(std::span<const Blob> blobs, const RegionWindow& window, int levels,
+                      Features& features) {
+  Groups groups(static_cast<std::size_t>(levels) * 2 * sizes);
+  for (std::size_t i = 0; i < blobs.size(); ++i) {
+    const Blob& b = blobs[i];
+    require(std::isfinite(b.x) && std::isfinite(b.y) && b.sigma_px > 0 && b.sigma_px < 1e5F,
+            "describe_blobs: blob " + std::to_string(i) + " has no place or sigma");
+    const float scale = b.sigma_px * window.cell_sigmas / cell_px;
+    const Place place = place_of(scale, levels);
+    groups[place.level * 2 * sizes + place.size + sizes].push_back(static_cast<int>(i));
+    features.points_px.push_back({b.x, b.y});
+    features.levels.push_back(place.level);
+    features.scales.push_back(scale);
+    features.scores.push_back(b.score);
+  }
+  return groups;
+}
+
 Features describe(ScalePyramid& pyramid, std::span<const Blob> blobs,
                   std::span<const float> angles_rad, const RegionWindow& window) {
   window.validate();
@@ -188,19 +214,7 @@ Features describe(ScalePyramid& pyramid, std::span<const Blob> blobs,
   const std::size_t count = blobs.size();
   features.descriptors.resize(count);
   features.angles_rad.resize(count, 0.0F);
-  std::vector<std::vector<int>> members(static_cast<std::size_t>(pyramid.count()) * 2 * sizes);
-  for (std::size_t i = 0; i < count; ++i) {
-    const Blob& b = blobs[i];
-    require(std::isfinite(b.x) && std::isfinite(b.y) && b.sigma_px > 0 && b.sigma_px < 1e5F,
-            "describe_blobs: blob " + std::to_string(i) + " has no place or sigma");
-    const float scale = b.sigma_px * window.cell_sigmas / cell_px;
-    const Place place = place_of(scale, pyramid.count());
-    members[place.level * 2 * sizes + place.size + sizes].push_back(static_cast<int>(i));
-    features.points_px.push_back({b.x, b.y});
-    features.levels.push_back(place.level);
-    features.scales.push_back(scale);
-    features.scores.push_back(b.score);
-  }
+  const Groups members = group_by_place(blobs, window, pyramid.count(), features);
   std::vector<Eigen::Vector2f> points;
   std::vector<float> angles;
   std::vector<Descriptor> descriptors;

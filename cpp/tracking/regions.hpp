@@ -25,10 +25,12 @@ struct RegionWindow {
   void validate() const;
 };
 
+/// Kinds of points come in this order: a later one only takes what room is left, where the picture
+/// is too poor for the ones before.
 struct RegionOptions {
   bool uses_dog = true;
-  bool uses_fast_hessian = false;
-  bool uses_harris = true;
+  bool uses_fast_hessian = true;
+  bool uses_harris = false;
   DogOptions dog;
   FastHessianOptions fast_hessian;
   HarrisOptions harris = {.points_per_cell = 8};  ///< on every level of a pyramid, in its pixels
@@ -46,8 +48,9 @@ struct RegionOptions {
   void validate() const;
 };
 
-/// Points with a scale of all kinds that are in use, each place once, spread over the picture, the
-/// strongest of each cell first. Scores are ranks among their kind, 0..1, the strongest 1.
+/// Points with a scale of the kinds that are in use, each place once, spread over the picture; kind
+/// after kind, the strongest of each cell first. Scores are ranks among their kind, 0..1, the
+/// strongest 1.
 std::vector<Blob> find_regions(const ImageView& image, const RegionOptions& options = {});
 
 /// Descriptors of given places, one a blob in the same order, whoever found them (an ellipse of

@@ -24,12 +24,12 @@ struct Columns {
   float *high, *low, *top, *bottom;
 };
 
+// Each line is an argument of its own: only there is it taken as apart from all others.
 PILOTAGE_KERNEL void compare_within_columns(const float* const* row, int width,
-                                            const Columns& columns) {
+                                            float* __restrict high, float* __restrict low,
+                                            float* __restrict top, float* __restrict bottom) {
   const float *r0 = row[0], *r1 = row[1], *r2 = row[2], *r3 = row[3], *r4 = row[4], *r5 = row[5],
               *r6 = row[6], *r7 = row[7], *r8 = row[8];
-  float* __restrict high = columns.high, * __restrict low = columns.low;
-  float* __restrict top = columns.top, * __restrict bottom = columns.bottom;
   for (int i = 0; i < width; ++i) {
     const float v = r4[i];
     const float high_before = higher(higher(r0[i], r1[i]), higher(r2[i], r3[i]));
@@ -107,7 +107,7 @@ void mark_extrema(const NeighbourRows& rows, int width, float floor, std::vector
   const Columns columns{first, first + line, first + 2 * line, first + 3 * line};
   const float* pointers[9];
   for (int k = 0; k < 9; ++k) pointers[k] = rows.row[k / 3][k % 3];
-  compare_within_columns(pointers, width, columns);
+  compare_within_columns(pointers, width, columns.high, columns.low, columns.top, columns.bottom);
   is_extremum[0] = is_extremum[width - 1] = 0;
   compare_columns(columns, width, floor, is_extremum);
 }

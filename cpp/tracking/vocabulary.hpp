@@ -18,7 +18,7 @@ struct VocabularyOptions {
   unsigned seed = 1;   ///< of the hash that samples
   /// Words looked at for each descriptor when two pictures are matched: more find more of what an
   /// exhaustive search finds, in proportionally more time. 1..32
-  int probes = 6;
+  int probes = 8;
 
   /// Throws std::invalid_argument naming the value and its range.
   void validate() const;
