@@ -40,18 +40,19 @@ class MissingSystemError(Exception):
     """The system cannot be imported; the message says why."""
 
 
-# From pictures, camera, options and a folder for what lies between, the largest model and a note.
-System = Callable[[Sequence[Path], Camera, Options, Path], tuple[Model | None, str]]
+# What a system found, taken out of its own memory after the clock has stopped: the largest model,
+# None where there is none, and a note.
+Found = Callable[[], tuple[Model | None, str]]
+# From pictures, camera, options and a folder for what lies between.
+System = Callable[[Sequence[Path], Camera, Options, Path], Found]
 
 
-def run_ours(
-    pictures: Sequence[Path], camera: Camera, options: Options, _: Path
-) -> tuple[Model | None, str]:
+def run_ours(pictures: Sequence[Path], camera: Camera, options: Options, _: Path) -> Found:
     """Return what Pilotage makes of the pictures."""
     said = _ours()(pictures, camera=camera, ordered=options.is_ordered)
     if isinstance(said, Model):
-        return said, ""
-    return said.model, str(getattr(said, "reason", ""))
+        return lambda: (said, "")
+    return lambda: (said.model, str(getattr(said, "reason", "")))
 
 
 def _ours() -> Callable[..., Any]:
@@ -62,9 +63,7 @@ def _ours() -> Callable[..., Any]:
     return reconstruct
 
 
-def run_colmap(
-    pictures: Sequence[Path], camera: Camera, options: Options, scratch: Path
-) -> tuple[Model | None, str]:
+def run_colmap(pictures: Sequence[Path], camera: Camera, options: Options, scratch: Path) -> Found:
     """Return what COLMAP's incremental mapper makes of the pictures."""
     pycolmap = _pycolmap()
     database, folder = _matched(pictures, camera, options, scratch)
@@ -75,12 +74,13 @@ def run_colmap(
     pipeline.ba_refine_extra_params = False
     pipeline.mapper.abs_pose_refine_focal_length = False
     pipeline.mapper.abs_pose_refine_extra_params = False
-    return _largest(pycolmap.incremental_mapping(database, folder, scratch, pipeline), scratch)
+    models = pycolmap.incremental_mapping(database, folder, scratch, pipeline)
+    return lambda: _largest(models, scratch)
 
 
 def run_colmap_global(
     pictures: Sequence[Path], camera: Camera, options: Options, scratch: Path
-) -> tuple[Model | None, str]:
+) -> Found:
     """Return what COLMAP's global mapper makes of the pictures."""
     pycolmap = _pycolmap()
     database, folder = _matched(pictures, camera, options, scratch)
@@ -90,7 +90,8 @@ def run_colmap_global(
     adjustment.refine_focal_length = False
     adjustment.refine_principal_point = False
     adjustment.refine_extra_params = False
-    return _largest(pycolmap.global_mapping(database, folder, scratch, pipeline), scratch)
+    models = pycolmap.global_mapping(database, folder, scratch, pipeline)
+    return lambda: _largest(models, scratch)
 
 
 def _pycolmap() -> Any:
@@ -176,11 +177,13 @@ def run(job: dict[str, Any], out: Path) -> dict[str, Any]:
     else:
         _pycolmap()
     cpu, wall = cpu_s(), time.perf_counter()
-    model, note = SYSTEMS[job["system"]](pictures, camera, options, out)
+    found = SYSTEMS[job["system"]](pictures, camera, options, out)
     costs = {"cpu_s": cpu_s() - cpu, "wall_s": time.perf_counter() - wall}
+    costs["peak_mb"] = memory_mb("VmHWM")
+    model, note = found()
     if model is not None:
         write_colmap_binary(out / "model", model)
-    return {**costs, "peak_mb": memory_mb("VmHWM"), "note": note}
+    return {**costs, "note": note}
 
 
 def main() -> int:
