@@ -9,7 +9,11 @@ namespace pilotage {
 
 /// Everything that can be set of a reconstruction; the only home of the defaults.
 struct ReconstructionConfig {
-  int features = 1500;
+  int features = 2000;
+  bool uses_dog = true;
+  bool uses_harris = true;
+  bool uses_fast_hessian = false;
+  bool is_oriented = false;
   int neighbours = 20;
   int sequence_neighbours = 3;
   double max_ratio = 0.8;
@@ -28,6 +32,12 @@ struct ReconstructionConfig {
   template <typename Self, typename Visitor>
   static void visit(Self& config, Visitor&& visitor) {
     visitor("features", config.features, 100, 20000, "features kept of a picture, the strongest");
+    visitor("uses_dog", config.uses_dog, "blobs: extrema of differences of Gaussians");
+    visitor("uses_harris", config.uses_harris, "corners, on a pyramid");
+    visitor("uses_fast_hessian", config.uses_fast_hessian,
+            "blobs: determinants of Hessians of box filters");
+    visitor("is_oriented", config.is_oriented,
+            "descriptors turn with what they show: for cameras that roll");
     visitor("neighbours", config.neighbours, 1, 1000,
             "pictures most alike that each picture is matched with");
     visitor("sequence_neighbours", config.sequence_neighbours, 0, 100,

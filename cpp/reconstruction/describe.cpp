@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "reconstruction/describe.hpp"
 
+#include "tracking/regions.hpp"
+
 namespace pilotage {
 namespace {
 
@@ -14,7 +16,13 @@ DescribedPicture describe(const ImageView& picture, const Camera& camera,
                           const ReconstructionConfig& config) {
   DescribedPicture described;
   Features& f = described.features;
-  f = describe_interest_points(picture);
+  RegionOptions options;
+  options.max_points = config.features;
+  options.uses_dog = config.uses_dog;
+  options.uses_fast_hessian = config.uses_fast_hessian;
+  options.uses_harris = config.uses_harris;
+  options.window.is_oriented = config.is_oriented;
+  f = describe_regions(picture, options);
   described.focal_px = 0.5 * (camera.fx_px + camera.fy_px);
   std::vector<int> kept;
   for (std::size_t k = 0; k < f.points_px.size(); ++k) {

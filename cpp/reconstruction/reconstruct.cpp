@@ -10,6 +10,7 @@
 #include "reconstruction/content_order.hpp"
 #include "reconstruction/describe.hpp"
 #include "reconstruction/growth.hpp"
+#include "reconstruction/refinement.hpp"
 #include "reconstruction/report.hpp"
 #include "reconstruction/scene_adjustment.hpp"
 #include "reconstruction/view_pairs.hpp"
@@ -50,6 +51,9 @@ void check_input(std::span<const ImageView> pictures, std::span<const Camera> ca
 SeenFeatures seen_of(const DescribedPicture& picture, double focal_px,
                      const ReconstructionConfig& config) {
   SeenFeatures seen;
+  seen.px = picture.features.points_px;
+  seen.scales = picture.features.scales;
+  seen.ideal_scale = static_cast<float>(focal_px / picture.focal_px);
   for (std::size_t k = 0; k < picture.rays.size(); ++k) {
     const Eigen::Vector3d& ray = picture.rays[k];
     seen.ideal_px.push_back((focal_px * ray.head<2>() / ray.z()).cast<float>());
@@ -115,8 +119,15 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
   if (start_scene(scene, pairs, config)) {
     grow(scene, config);
     adjust_all(scene, config, final_rounds);
+    // 6. The same things to a tenth of a pixel, and everything adjusted to that.
+    std::vector<ScenePicture> shown;
+    for (const int i : by_content) {
+      shown.push_back({pictures[i], &cameras[camera_of_picture[i]]});
+    }
+    refine_features(scene, shown, team);
+    adjust_all(scene, config, final_rounds);
   }
-  return report(scene, described, pairs, by_content, pictures, config);
+  return report(scene, described, pairs, by_content, pictures);
 }
 
 }  // namespace pilotage

@@ -33,9 +33,8 @@ std::uint8_t grey_at(const ImageView& picture, const Eigen::Vector2f& px) {
 }
 
 /// Points in the order of their tracks, each with its views.
-void report_points(const Scene& scene, std::span<const DescribedPicture> described,
-                   std::span<const int> order, std::span<const ImageView> pictures,
-                   Reconstruction& result) {
+void report_points(const Scene& scene, std::span<const int> order,
+                   std::span<const ImageView> pictures, Reconstruction& result) {
   double squares = 0;
   for (int t = 0; t < scene.track_count(); ++t) {
     const ScenePoint& point = scene.point(t);
@@ -45,8 +44,7 @@ void report_points(const Scene& scene, std::span<const DescribedPicture> describ
     for (std::size_t k = 0; k < scene.track(t).size(); ++k) {
       if (!point.is_used[k]) continue;
       const FeatureRef& f = scene.track(t)[k];
-      PointView view{order[f.picture], index, described[f.picture].features.points_px[f.feature],
-                     0};
+      PointView view{order[f.picture], index, scene.px(f), 0};
       view.residual_px = static_cast<float>(scene.misfit(f, *point.in_world) * scene.sigma_px(f));
       squares += 0.5 * view.residual_px * view.residual_px;
       result.views.push_back(view);
@@ -63,7 +61,7 @@ void report_points(const Scene& scene, std::span<const DescribedPicture> describ
 
 Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
                       const std::vector<ViewPair>& pairs, std::span<const int> order,
-                      std::span<const ImageView> pictures, const ReconstructionConfig& config) {
+                      std::span<const ImageView> pictures) {
   Reconstruction result;
   const std::size_t count = pictures.size();
   result.camera_from_world.resize(count);
@@ -78,7 +76,7 @@ Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
   }
   result.pair_count = static_cast<int>(pairs.size());
   result.track_count = scene.track_count();
-  report_points(scene, described, order, pictures, result);
+  report_points(scene, order, pictures, result);
   return result;
 }
 

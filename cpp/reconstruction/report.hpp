@@ -7,10 +7,9 @@
 
 namespace pilotage {
 
-/// The model as the caller knows its pictures: scene picture k is pictures[order[k]]. Covariances
-/// are worked out here.
+/// The model as the caller knows its pictures: scene picture k is pictures[order[k]].
 Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
                       const std::vector<ViewPair>& pairs, std::span<const int> order,
-                      std::span<const ImageView> pictures, const ReconstructionConfig& config);
+                      std::span<const ImageView> pictures);
 
 }  // namespace pilotage

@@ -60,6 +60,14 @@ void Scene::forget_point(int t) {
   std::fill(points_[t].is_used.begin(), points_[t].is_used.end(), 0);
 }
 
+void Scene::move(const FeatureRef& f, const Eigen::Vector2f& px, const Eigen::Vector3d& ray,
+                 float sigma_px) {
+  SeenFeatures& seen = pictures_[f.picture];
+  seen.px[f.feature] = px;
+  seen.ideal_px[f.feature] = (ideal_.focal_px * ray.head<2>() / ray.z()).cast<float>();
+  seen.sigma_px[f.feature] = sigma_px;
+}
+
 Eigen::Vector3d Scene::ray(const FeatureRef& f) const {
   return ideal_.ray(ideal_px(f)).normalized();
 }

@@ -16,7 +16,10 @@ namespace pilotage {
 /// at (0, 0), one focal length. What is behind can then be one problem for whatever cameras.
 struct SeenFeatures {
   std::vector<Eigen::Vector2f> ideal_px;
-  std::vector<float> sigma_px;  ///< in the ideal camera
+  std::vector<float> sigma_px;      ///< in the ideal camera
+  std::vector<Eigen::Vector2f> px;  ///< in the picture
+  std::vector<float> scales;        ///< of the neighbourhood, 1 the finest
+  float ideal_scale = 1;            ///< pixels of the ideal camera per pixel of the picture
   int size() const { return static_cast<int>(ideal_px.size()); }
 };
 
@@ -56,6 +59,17 @@ class Scene {
     return pictures_[f.picture].ideal_px[f.feature].cast<double>();
   }
   double sigma_px(const FeatureRef& f) const { return pictures_[f.picture].sigma_px[f.feature]; }
+  const Eigen::Vector2f& px(const FeatureRef& f) const {
+    return pictures_[f.picture].px[f.feature];
+  }
+  float scale(const FeatureRef& f) const { return pictures_[f.picture].scales[f.feature]; }
+  float ideal_scale(const FeatureRef& f) const { return pictures_[f.picture].ideal_scale; }
+  /// A feature is found to be elsewhere; `sigma_px` in the ideal camera.
+  void move(const FeatureRef& f, const Eigen::Vector2f& px, const Eigen::Vector3d& ray,
+            float sigma_px);
+  void set_sigma(const FeatureRef& f, float sigma_px) {
+    pictures_[f.picture].sigma_px[f.feature] = sigma_px;
+  }
   /// Unit ray of a feature.
   Eigen::Vector3d ray(const FeatureRef& f) const;
   /// Distance of a feature from a place, in standard errors; infinite behind the camera.

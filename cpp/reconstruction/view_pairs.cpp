@@ -4,35 +4,42 @@
 #include <algorithm>
 #include <utility>
 
-#include "tracking/descriptor_match.hpp"
+#include "tracking/vocabulary.hpp"
 
 namespace pilotage {
 namespace {
 
 using Candidates = std::vector<std::pair<int, int>>;
 
-ViewPair match(std::span<const DescribedPicture> pictures, const std::pair<int, int>& candidate,
-               const ReconstructionConfig& config) {
+/// The matches' rays, in the order of the matches.
+struct MatchedRays {
+  std::vector<Eigen::Vector3d> a, b;
+  std::vector<float> qualities;
+
+  MatchedRays(std::span<const DescriptorMatch> matches, const DescribedPicture& picture_a,
+              const DescribedPicture& picture_b) {
+    for (const DescriptorMatch& m : matches) {
+      a.push_back(picture_a.rays[m.a]);
+      b.push_back(picture_b.rays[m.b]);
+      qualities.push_back(m.quality());
+    }
+  }
+};
+
+/// The geometry of two pictures, and the matches it explains; none where too few are.
+ViewPair verify(const std::pair<int, int>& candidate, std::span<const DescriptorMatch> found,
+                std::span<const DescribedPicture> pictures, const ReconstructionConfig& config) {
   ViewPair pair;
   pair.matches.a = candidate.first;
   pair.matches.b = candidate.second;
-  const DescribedPicture &a = pictures[pair.matches.a], &b = pictures[pair.matches.b];
-  DescriptorMatchOptions options;
-  options.max_ratio = static_cast<float>(config.max_ratio);
-  const auto found = match_all(a.features.descriptors, b.features.descriptors, options);
   if (static_cast<int>(found.size()) < config.min_pair_inliers) return pair;
-  std::vector<Eigen::Vector3d> rays_a, rays_b;
-  std::vector<float> qualities;
-  for (const DescriptorMatch& m : found) {
-    rays_a.push_back(a.rays[m.a]);
-    rays_b.push_back(b.rays[m.b]);
-    qualities.push_back(m.quality());
-  }
-  RelativePoseOptions geometry;
-  geometry.sigma_rad = config.feature_sigma_px * (0.5 / a.focal_px + 0.5 / b.focal_px);
-  geometry.min_inliers = config.min_pair_inliers;
-  geometry.seed = static_cast<std::uint64_t>(config.seed);
-  pair.geometry = find_relative_pose(rays_a, rays_b, geometry, qualities);
+  const DescribedPicture &a = pictures[candidate.first], &b = pictures[candidate.second];
+  const MatchedRays rays(found, a, b);
+  RelativePoseOptions options;
+  options.sigma_rad = config.feature_sigma_px * (0.5 / a.focal_px + 0.5 / b.focal_px);
+  options.min_inliers = config.min_pair_inliers;
+  options.seed = static_cast<std::uint64_t>(config.seed);
+  pair.geometry = find_relative_pose(rays.a, rays.b, options, rays.qualities);
   if (pair.geometry.geometry == TwoViewGeometry::none) return pair;
   for (std::size_t k = 0; k < found.size(); ++k) {
     if (!pair.geometry.inlier[k]) continue;
@@ -42,11 +49,40 @@ ViewPair match(std::span<const DescribedPicture> pictures, const std::pair<int, 
   return pair;
 }
 
-Candidates candidates_of(std::span<const DescribedPicture> pictures) {
-  Candidates candidates;
-  for (int a = 0; a < static_cast<int>(pictures.size()); ++a) {
-    for (int b = a + 1; b < static_cast<int>(pictures.size()); ++b) candidates.push_back({a, b});
+std::vector<WordedPicture> sort_by_words(std::span<const DescribedPicture> pictures,
+                                         const ReconstructionConfig& config, WorkerTeam& team) {
+  std::vector<std::span<const Descriptor>> descriptors;
+  bool has_any = false;
+  for (const DescribedPicture& picture : pictures) {
+    descriptors.push_back(picture.features.descriptors);
+    has_any = has_any || !descriptors.back().empty();
   }
+  std::vector<WordedPicture> worded(pictures.size());
+  if (!has_any) return worded;
+  VocabularyOptions options;
+  options.seed = static_cast<unsigned>(config.seed);
+  const Vocabulary vocabulary(descriptors, options);
+  team.run(static_cast<int>(pictures.size()),
+           [&](int k, int) { worded[k] = vocabulary.sort(descriptors[k]); });
+  return worded;
+}
+
+/// Pairs of pictures that look alike, and of those that follow each other; each once.
+Candidates candidates_of(std::span<const WordedPicture> worded, std::span<const int> order,
+                         const ReconstructionConfig& config) {
+  Candidates candidates;
+  const auto add = [&](int a, int b) { candidates.push_back({std::min(a, b), std::max(a, b)}); };
+  const auto similar = find_similar(worded, config.neighbours);
+  for (int a = 0; a < static_cast<int>(similar.size()); ++a) {
+    for (const SimilarPicture& other : similar[a]) add(a, other.picture);
+  }
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    for (int step = 1; step <= config.sequence_neighbours && i + step < order.size(); ++step) {
+      add(order[i], order[i + step]);
+    }
+  }
+  std::sort(candidates.begin(), candidates.end());
+  candidates.erase(std::unique(candidates.begin(), candidates.end()), candidates.end());
   return candidates;
 }
 
@@ -55,11 +91,16 @@ Candidates candidates_of(std::span<const DescribedPicture> pictures) {
 std::vector<ViewPair> match_pictures(std::span<const DescribedPicture> pictures,
                                      std::span<const int> order, const ReconstructionConfig& config,
                                      WorkerTeam& team) {
-  (void)order;
-  const Candidates candidates = candidates_of(pictures);
+  const std::vector<WordedPicture> worded = sort_by_words(pictures, config, team);
+  const Candidates candidates = candidates_of(worded, order, config);
+  DescriptorMatchOptions options;
+  options.max_ratio = static_cast<float>(config.max_ratio);
   std::vector<ViewPair> pairs(candidates.size());
-  team.run(static_cast<int>(candidates.size()),
-           [&](int k, int) { pairs[k] = match(pictures, candidates[k], config); });
+  team.run(static_cast<int>(candidates.size()), [&](int k, int) {
+    const auto found =
+        match_by_words(worded[candidates[k].first], worded[candidates[k].second], options);
+    pairs[k] = verify(candidates[k], found, pictures, config);
+  });
   std::erase_if(pairs, [&](const ViewPair& pair) {
     return static_cast<int>(pair.matches.features_a.size()) < config.min_pair_inliers;
   });
