@@ -138,19 +138,20 @@ def track(
     return tracks, way.has_arrived
 
 
-def join(tracks: dict[str, Track], key: str, judge: _core.Judge) -> list[Any]:
-    """Return what a judge makes of the `live` or `final` results of all pairs."""
-    joint = [said for one in merged(tracks, key) for said in judge.add(one.pair, one.result)]
+def join(tracks: dict[str, Track], keys: list[str], judge: _core.Judge) -> list[Any]:
+    """Return what a judge makes of the results of all pairs: of each `live` or `final`."""
+    joint = [said for one in merged(tracks, keys) for said in judge.add(one.pair, one.result)]
     return joint + judge.finish()
 
 
-def merged(tracks: dict[str, Track], key: str) -> list[Tracked]:
-    """Return the `live` or `final` results of all pairs in order of time."""
+def merged(tracks: dict[str, Track], keys: list[str]) -> list[Tracked]:
+    """Return the results of all pairs, of each `live` or `final`, in order of time."""
+    chosen = [getattr(of_pair, key) for of_pair, key in zip(tracks.values(), keys, strict=True)]
     return list(
         in_order(
             [
-                [Tracked(pair, index, result) for index, result in enumerate(getattr(of_pair, key))]
-                for pair, of_pair in enumerate(tracks.values())
+                [Tracked(pair, index, result) for index, result in enumerate(results)]
+                for pair, results in enumerate(chosen)
             ]
         )
     )
@@ -200,10 +201,10 @@ def drive(plan: DrivePlan, **settings: Any) -> dict[str, Any]:
     for pair, one in tracks.items():
         record[pair] = figures(one.final, one.truth)
         record[pair]["cpu_ms"] = 1e3 * one.cpu_s / max(1, len(one.live))
-    judge = _core.Judge(pairs=len(tracks))
-    for name, key in ((f"{JOINT} live", "live"), (JOINT, "final")):
-        joint = join(tracks, key, judge)
-        judge = judge.again()
+    judge, aside = _core.Judge(pairs=len(tracks)), [False] * len(tracks)
+    for name, keys in ((f"{JOINT} live", ("live", "live")), (JOINT, ("final", "live"))):
+        joint = join(tracks, [keys[is_aside] for is_aside in aside], judge)
+        judge, aside = judge.again(), judge.set_aside()
         record[name] = figures(joint, truth_at([r.timestamp_ns for r in joint], tracks))
         record[name]["disputed"] = sum(
             any(verdict.belief == _core.Belief.disagrees for verdict in r.pairs) for r in joint

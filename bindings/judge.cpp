@@ -66,7 +66,10 @@ void bind_judge(nb::module_& m) {
       .def("finish", &Judge::finish, "Return the JointResults that still wait for other pairs.")
       .def("again", &Judge::again,
            "Return a Judge of the adjusted results of the same drive, who knows whom this one set "
-           "aside and when: an adjustment spreads a sudden fault until it looks like motion.");
+           "aside and when: an adjustment spreads a sudden fault until it looks like motion.")
+      .def("set_aside", &Judge::set_aside,
+           "Return a bool for each pair: contradicted by the others to the end. Join what such a "
+           "pair said at the time, for its adjusted path is spoilt from its beginning.");
 }
 
 }  // namespace pilotage

@@ -103,6 +103,8 @@ void bind_odometry(nb::module_& m) {
       .def("skip", &StereoOdometry::skip, "timestamp_ns"_a, "A pair that could not be read.")
       .def("finish", &StereoOdometry::finish, nb::call_guard<nb::gil_scoped_release>(),
            "Adjust the whole block; a result for every pair given.")
+      .def("live_results", &StereoOdometry::live_results,
+           "What was returned for every pair when it was given.")
       .def(
           "points", [](const StereoOdometry& self) { return to_numpy<float, 3>(self.points()); },
           "(N, 3) points of the scene in the world, metres, after finish().")

@@ -7,11 +7,14 @@
 #include <stdexcept>
 
 #include "odometry/motion_covariance.hpp"
+#include "odometry/seconds.hpp"
 
 namespace pilotage {
 namespace {
 
 constexpr double ns = 1e-9;
+/// A contradiction so short before the end lasts to the end.
+constexpr double doubted_last_s = 1;
 /// Until it is known how far sound pairs differ: metres, radians.
 constexpr double first_difference = 0.01;
 
@@ -60,6 +63,17 @@ Judge Judge::again() const {
   Judge judge(static_cast<int>(sources_.size()), config_);
   judge.former_doubts_ = doubts_;
   return judge;
+}
+
+std::vector<bool> Judge::set_aside() const {
+  std::vector<bool> aside(sources_.size(), false);
+  if (doubts_.empty() || instants_.empty()) return aside;
+  const double since_s = seconds_between(doubts_.back().timestamp_ns, instants_.back().timestamp_ns);
+  for (std::size_t p = 0; p < aside.size(); ++p) {
+    aside[p] = !sources_[p].is_believed && since_s < doubted_last_s &&
+               (doubts_.back().pairs >> p & 1u) != 0;
+  }
+  return aside;
 }
 
 std::vector<JointResult> Judge::finish() { return decide_ready(true); }

@@ -94,6 +94,9 @@ class Judge {
   /// A judge of the adjusted results of the same drive, who knows whom this one set aside and when:
   /// an adjustment spreads a sudden fault over the pictures before it, until it looks like motion.
   Judge again() const;
+  /// One a pair: the others contradicted it to the end, without it coming back. Its adjusted path
+  /// is spoilt from its beginning, what it said at the time until the fault is not.
+  std::vector<bool> set_aside() const;
 
  private:
   struct Doubt {

@@ -181,6 +181,13 @@ std::vector<OdometryResult> StereoOdometry::finish() {
   return results;
 }
 
+std::vector<OdometryResult> StereoOdometry::live_results() const {
+  std::vector<OdometryResult> results;
+  results.reserve(records_.size());
+  for (const PairRecord& record : records_) results.push_back(record.result);
+  return results;
+}
+
 std::vector<Eigen::Vector3f> StereoOdometry::points() const {
   std::vector<Eigen::Vector3f> points;
   points.reserve(block_.points().size());

@@ -39,6 +39,8 @@ class StereoOdometry {
   OdometryResult skip(std::int64_t timestamp_ns);
   /// Adjusts the whole block; returns a result for every pair given. Call it once, at the end.
   std::vector<OdometryResult> finish();
+  /// What was returned for every pair when it was given.
+  std::vector<OdometryResult> live_results() const;
 
   const OdometryConfig& config() const { return config_; }
   /// Points of the scene, in the world of the results, after `finish`; and the grey values seen.

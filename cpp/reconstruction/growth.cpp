@@ -15,11 +15,14 @@ namespace pilotage {
 namespace {
 
 /// Pairs that are tried as a start.
-constexpr int max_starts = 12;
+constexpr int max_starts = 6;
 /// Parallax beyond which a start gets no better; rad.
 constexpr double ample_parallax = 0.15;
 /// Pictures whose poses are adjusted with a new one.
 constexpr int near_pictures = 6;
+/// Of two poses of a picture the one is right from which this many times as many places fit, to so
+/// many standard errors.
+constexpr double much_better = 1.2, fine_misfit = 2;
 /// Of the places a picture shows, this part must agree on its pose.
 constexpr double min_pose_share = 0.25;
 
@@ -48,10 +51,17 @@ void clear(Scene& scene) {
   for (int t = 0; t < scene.track_count(); ++t) scene.forget_point(t);
 }
 
-void pose_pair(Scene& scene, const ViewPair& pair, const ReconstructionConfig& config) {
+/// Two pictures and one of the motions that explain them.
+struct Start {
+  const ViewPair* pair = nullptr;
+  Transform b_from_a;
+};
+
+void pose_pair(Scene& scene, const Start& start, const ReconstructionConfig& config) {
+  const ViewPair& pair = *start.pair;
   clear(scene);
   scene.set_pose(pair.matches.a, Transform{});
-  scene.set_pose(pair.matches.b, pair.geometry.b_from_a);
+  scene.set_pose(pair.matches.b, start.b_from_a);
   const std::vector<int> tracks = tracks_in(scene, pair.matches.a);
   scene.place(tracks);
   const std::array both{pair.matches.a, pair.matches.b};
@@ -62,14 +72,15 @@ void pose_pair(Scene& scene, const ViewPair& pair, const ReconstructionConfig& c
   }
 }
 
-/// How well two pictures begin a model: what they place, the more so under wide angles.
-double start_score(const Scene& scene, const ViewPair& pair) {
+/// How well a few pictures begin a model: places that all of them see, the more so under wide
+/// angles. Two pictures of a walk are often explained by two motions; a third tells them apart.
+double start_score(const Scene& scene, const ViewPair& pair, int posed) {
   const Eigen::Vector3d b = scene.camera_from_world(pair.matches.b)->inverse().translation;
   double score = 0;
   for (const Scene::Shown& shown : scene.shown_in(pair.matches.a)) {
-    const auto& place = scene.point(shown.track).in_world;
-    if (!place) continue;
-    const double cosine = place->normalized().dot((*place - b).normalized());
+    const ScenePoint& point = scene.point(shown.track);
+    if (std::count(point.is_used.begin(), point.is_used.end(), 1) < posed) continue;
+    const double cosine = point.in_world->normalized().dot((*point.in_world - b).normalized());
     score += std::min(1.0, std::acos(std::clamp(cosine, -1.0, 1.0)) / ample_parallax);
   }
   return score;
@@ -187,6 +198,39 @@ bool settle(Scene& scene, int picture, const ReconstructionConfig& config) {
   return used >= config.min_pose_inliers;
 }
 
+/// Poses the pair and, if there is one, the picture that shows most of it; returns the score.
+double begin(Scene& scene, const Start& start, const ReconstructionConfig& config) {
+  pose_pair(scene, start, config);
+  std::vector<char> was_refused(scene.picture_count(), 0);
+  add_picture(scene, was_refused, config);
+  adjust_all(scene, config, 1);
+  const auto& matches = start.pair->matches;
+  const int posed = scene.posed_count();
+  const double score = start_score(scene, *start.pair, posed);
+  // A pair that no third picture confirms is better than nothing, and no more.
+  return posed > 2 || scene.picture_count() == 2
+             ? score
+             : 1e-3 * score * static_cast<double>(matches.features_a.size() > 0);
+}
+
+/// Takes a picture out of the scene.
+void remove(Scene& scene, int picture) {
+  for (const Scene::Shown& shown : scene.shown_in(picture)) {
+    scene.set_used(shown.track, shown.slot, false);
+  }
+  scene.set_pose(picture, std::nullopt);
+  scene.drop_outliers(tracks_in(scene, picture));
+}
+
+int fitting(const Scene& scene, int picture) {
+  return static_cast<int>(std::count_if(
+      scene.shown_in(picture).begin(), scene.shown_in(picture).end(), [&](const auto& shown) {
+        const ScenePoint& point = scene.point(shown.track);
+        return point.in_world && scene.misfit(scene.track(shown.track)[shown.slot],
+                                              *point.in_world) < fine_misfit;
+      }));
+}
+
 }  // namespace
 
 bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
@@ -198,18 +242,21 @@ bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
   std::stable_sort(order.begin(), order.end(),
                    [](const ViewPair* a, const ViewPair* b) { return promise(*a) > promise(*b); });
   if (order.size() > max_starts) order.resize(max_starts);
-  const ViewPair* best = nullptr;
+  std::optional<Start> best;
   double best_score = 0;
   for (const ViewPair* pair : order) {
-    pose_pair(scene, *pair, config);
-    const double score = start_score(scene, *pair);
-    if (score <= best_score) continue;
-    best_score = score;
-    best = pair;
+    for (const auto& motion : {pair->geometry.b_from_a, pair->geometry.other_b_from_a}) {
+      if (!motion) continue;
+      const Start start{pair, *motion};
+      const double score = begin(scene, start, config);
+      if (score <= best_score) continue;
+      best_score = score;
+      best = start;
+    }
   }
   clear(scene);
   if (!best) return false;
-  pose_pair(scene, *best, config);
+  begin(scene, *best, config);
   return true;
 }
 
@@ -229,14 +276,28 @@ std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
     if (pose) {
       scene.set_pose(best, pose);
       if (settle(scene, best, config)) return best;
-      for (const Scene::Shown& shown : scene.shown_in(best)) {
-        scene.set_used(shown.track, shown.slot, false);
-      }
-      scene.set_pose(best, std::nullopt);
-      scene.drop_outliers(tracks_in(scene, best));
+      remove(scene, best);
     }
     was_refused[best] = 1;
   }
+}
+
+int pose_anew(Scene& scene, const ReconstructionConfig& config) {
+  int changed = 0;
+  for (const int picture : posed_pictures(scene)) {
+    const Transform before = *scene.camera_from_world(picture);
+    const int fits = fitting(scene, picture);
+    const auto pose = find_pose(scene, picture, config);
+    if (!pose) continue;
+    scene.set_pose(picture, pose);
+    if (fitting(scene, picture) > much_better * fits) {
+      scene.place(tracks_in(scene, picture));
+      ++changed;
+    } else {
+      scene.set_pose(picture, before);
+    }
+  }
+  return changed;
 }
 
 void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds) {

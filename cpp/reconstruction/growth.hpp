@@ -9,10 +9,11 @@
 
 namespace pilotage {
 
-/// Poses two pictures from their relative pose and places what both see, if that is a good start.
+/// Poses two pictures from their relative pose, a third from what they place, if that is a good
+/// start.
 ///
-/// Tries the pairs with the most matches seen under a wide angle; the one that places most things
-/// at the best angles stays. False if no pair will do: nothing but turns, or nothing in common.
+/// Tries the pairs with the most matches seen under a wide angle; the three that place most things
+/// together, at the best angles, stay. False if no pair will do: nothing but turns, or nothing in common.
 bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
                  const ReconstructionConfig& config);
 
@@ -20,6 +21,11 @@ bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
 /// near it. Returns the picture; empty when no other can be posed.
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
                                const ReconstructionConfig& config);
+
+/// Looks for the pose of each picture as if it had none, and takes what fits much better: a picture
+/// posed early, when little was known, may be in a place that adjustment does not leave. Returns how
+/// many were moved.
+int pose_anew(Scene& scene, const ReconstructionConfig& config);
 
 /// Adjusts everything, takes out what does not fit and places what can be placed now, until little
 /// changes. Ends sooner with fewer `rounds`.

@@ -18,7 +18,14 @@ from pilotage.behaviors.joint_clouds import joint_cloud
 from pilotage.behaviors.joint_summary import Decided, summarize_joint
 from pilotage.behaviors.joint_times import Timing, correct_times
 from pilotage.behaviors.localize import Selection, truth_records
-from pilotage.behaviors.pair_track import PairTrack, Tracked, adjust, in_order, run_side_by_side
+from pilotage.behaviors.pair_track import (
+    PairTrack,
+    Tracked,
+    adjust,
+    as_said,
+    in_order,
+    run_side_by_side,
+)
 from pilotage.behaviors.summary import Cost, peak_rss_mb
 from pilotage.config import JUDGE, PAIRS
 from pilotage.errors import InputError, RunError
@@ -113,6 +120,21 @@ class _Run:
         for decision in court.finish():
             self._append_live(decision)
 
+    def _heard(
+        self, adjusted: Sequence[list[Tracked]], timings: Sequence[Timing]
+    ) -> list[list[Tracked]]:
+        """Return what is judged at the end: of a pair set aside for good what it said live.
+
+        Adjusted, its fault reaches back to where it was sound.
+        """
+        shifted = {timing.pair for timing in timings if timing.corrected_ms}
+        return [
+            as_said(track) if is_aside and name not in shifted else of_pair
+            for name, track, of_pair, is_aside in zip(
+                self.names, self.tracks, adjusted, self._judge.set_aside(), strict=True
+            )
+        ]
+
     def _append_live(self, decision: Decision) -> None:
         self.folder.append_live(decision.record)
         self.folder.append_judge_live(
@@ -128,7 +150,8 @@ class _Run:
         else:
             adjusted = _up_to_common_end(adjusted)
         court = Court(self._judge.again(), self.config, len(self.tracks))
-        decisions = [one for tracked in in_order(adjusted) for one in court.add(tracked)]
+        heard = adjusted if error is not None else self._heard(adjusted, timings)
+        decisions = [one for tracked in in_order(heard) for one in court.add(tracked)]
         decisions += court.finish()
         joints = [one.joint for one in decisions]
         records = [one.record for one in decisions]

@@ -128,15 +128,25 @@ def adjust(tracks: Sequence[PairTrack]) -> list[list[Tracked]]:
     """
 
     def adjusted(track: PairTrack) -> list[Tracked]:
-        bad = {frame.index: frame for frame in track.skipped}
         try:
-            finished = track.odometry.finish()
+            return _tracked(track, track.odometry.finish())
         except Exception as error:
             track.error = track.error or error
             return []
-        # A picture the odometry choked on may have a result but no index, hence not strict.
-        results = zip(track.indices, finished, strict=False)
-        return [Tracked(track.number, index, result, bad.get(index)) for index, result in results]
 
     with ThreadPoolExecutor(max_workers=len(tracks)) as executor:
         return list(executor.map(adjusted, tracks))
+
+
+def as_said(track: PairTrack) -> list[Tracked]:
+    """Return what a pair said of every picture when it came, not adjusted."""
+    return _tracked(track, track.odometry.live_results())
+
+
+def _tracked(track: PairTrack, results: Sequence[OdometryResult]) -> list[Tracked]:
+    bad = {frame.index: frame for frame in track.skipped}
+    # A picture the odometry choked on may have a result but no index, hence not strict.
+    return [
+        Tracked(track.number, index, result, bad.get(index))
+        for index, result in zip(track.indices, results, strict=False)
+    ]
