@@ -68,7 +68,8 @@ Judge Judge::again() const {
 std::vector<bool> Judge::set_aside() const {
   std::vector<bool> aside(sources_.size(), false);
   if (doubts_.empty() || instants_.empty()) return aside;
-  const double since_s = seconds_between(doubts_.back().timestamp_ns, instants_.back().timestamp_ns);
+  const double since_s =
+      seconds_between(doubts_.back().timestamp_ns, instants_.back().timestamp_ns);
   for (std::size_t p = 0; p < aside.size(); ++p) {
     aside[p] = !sources_[p].is_believed && since_s < doubted_last_s &&
                (doubts_.back().pairs >> p & 1u) != 0;

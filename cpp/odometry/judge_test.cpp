@@ -276,6 +276,21 @@ BOOST_AUTO_TEST_CASE(of_three_the_odd_one_out_is_set_aside) {
   BOOST_TEST(end_error_m(joint) < 0.03);
 }
 
+BOOST_AUTO_TEST_CASE(set_aside_for_good_is_who_is_contradicted_to_the_end) {
+  const auto slips_until = [](double end) {
+    return [end](double t, OdometryResult& r) {
+      if (t > 10) r.world_from_robot->translation.x() += 0.4 * (std::min(t, end) - 10);
+    };
+  };
+  for (const auto& [end, is_aside] : {std::pair{1e9, true}, std::pair{11.0, false}}) {
+    Judge judge(2, {});
+    ask(judge,
+        {FakePair{.seed = 41, .spoil = slips_until(end)}.run(250), FakePair{.seed = 42}.run(250)});
+    BOOST_TEST(judge.set_aside()[0] == is_aside);
+    BOOST_TEST(!judge.set_aside()[1]);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(the_papers_rule_takes_the_smaller_m_q) {
   JudgeConfig config;
   config.rule = JudgeRule::paper;

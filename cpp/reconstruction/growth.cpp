@@ -20,9 +20,6 @@ constexpr int max_starts = 6;
 constexpr double ample_parallax = 0.15;
 /// Pictures whose poses are adjusted with a new one.
 constexpr int near_pictures = 6;
-/// Of two poses of a picture the one is right from which this many times as many places fit, to so
-/// many standard errors.
-constexpr double much_better = 1.2, fine_misfit = 2;
 /// Of the places a picture shows, this part must agree on its pose.
 constexpr double min_pose_share = 0.25;
 
@@ -222,19 +219,10 @@ void remove(Scene& scene, int picture) {
   scene.drop_outliers(tracks_in(scene, picture));
 }
 
-int fitting(const Scene& scene, int picture) {
-  return static_cast<int>(std::count_if(
-      scene.shown_in(picture).begin(), scene.shown_in(picture).end(), [&](const auto& shown) {
-        const ScenePoint& point = scene.point(shown.track);
-        return point.in_world && scene.misfit(scene.track(shown.track)[shown.slot],
-                                              *point.in_world) < fine_misfit;
-      }));
-}
-
 }  // namespace
 
-bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
-                 const ReconstructionConfig& config) {
+std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
+                             const ReconstructionConfig& config) {
   std::vector<const ViewPair*> order;
   for (const ViewPair& pair : pairs) {
     if (pair.geometry.b_from_a && promise(pair) > 0) order.push_back(&pair);
@@ -255,9 +243,8 @@ bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
     }
   }
   clear(scene);
-  if (!best) return false;
-  begin(scene, *best, config);
-  return true;
+  if (best) begin(scene, *best, config);
+  return posed_pictures(scene);
 }
 
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
@@ -282,22 +269,19 @@ std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
   }
 }
 
-int pose_anew(Scene& scene, const ReconstructionConfig& config) {
-  int changed = 0;
-  for (const int picture : posed_pictures(scene)) {
-    const Transform before = *scene.camera_from_world(picture);
-    const int fits = fitting(scene, picture);
-    const auto pose = find_pose(scene, picture, config);
-    if (!pose) continue;
-    scene.set_pose(picture, pose);
-    if (fitting(scene, picture) > much_better * fits) {
-      scene.place(tracks_in(scene, picture));
-      ++changed;
-    } else {
-      scene.set_pose(picture, before);
-    }
+void pose_anew(Scene& scene, std::span<const int> pictures, const ReconstructionConfig& config) {
+  const Scene before = scene;
+  for (const int picture : pictures) scene.set_pose(picture, std::nullopt);
+  for (const int picture : pictures) {
+    const std::vector<int> tracks = tracks_in(scene, picture);
+    for (const int t : tracks) scene.forget_point(t);
+    scene.place(tracks);
   }
-  return changed;
+  adjust_all(scene, config, 1);
+  std::vector<char> was_refused(scene.picture_count(), 0);
+  while (add_picture(scene, was_refused, config)) {
+  }
+  if (scene.posed_count() < before.posed_count()) scene = before;
 }
 
 void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds) {

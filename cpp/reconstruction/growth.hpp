@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "reconstruction/scene.hpp"
@@ -13,19 +14,20 @@ namespace pilotage {
 /// start.
 ///
 /// Tries the pairs with the most matches seen under a wide angle; the three that place most things
-/// together, at the best angles, stay. False if no pair will do: nothing but turns, or nothing in common.
-bool start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
-                 const ReconstructionConfig& config);
+/// together, at the best angles, stay. Returns the pictures posed; none if no pair will do: nothing
+/// but turns, or nothing in common.
+std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
+                             const ReconstructionConfig& config);
 
 /// Poses the picture that shows most places, spread best, and places what it adds; adjusts what is
 /// near it. Returns the picture; empty when no other can be posed.
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
                                const ReconstructionConfig& config);
 
-/// Looks for the pose of each picture as if it had none, and takes what fits much better: a picture
-/// posed early, when little was known, may be in a place that adjustment does not leave. Returns how
-/// many were moved.
-int pose_anew(Scene& scene, const ReconstructionConfig& config);
+/// Takes these pictures out and poses them again in what the others show: those a model began with
+/// were posed when least was known, and may be in a place that no adjustment leaves. All stays as
+/// it was if fewer can be posed.
+void pose_anew(Scene& scene, std::span<const int> pictures, const ReconstructionConfig& config);
 
 /// Adjusts everything, takes out what does not fit and places what can be placed now, until little
 /// changes. Ends sooner with fewer `rounds`.

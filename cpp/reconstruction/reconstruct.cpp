@@ -116,16 +116,16 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
   }
   Scene scene(std::move(seen), std::move(tracks), focal_px, config);
   // 5. Poses in one frame, one picture after the other; adjustment.
-  if (start_scene(scene, pairs, config)) {
+  if (const std::vector<int> first = start_scene(scene, pairs, config); !first.empty()) {
     grow(scene, config);
-    if (pose_anew(scene, config) > 0) grow(scene, config);
+    if (scene.posed_count() >= 2 * static_cast<int>(first.size())) pose_anew(scene, first, config);
     adjust_all(scene, config, final_rounds);
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
     std::vector<ScenePicture> shown;
     for (const int i : by_content) {
       shown.push_back({pictures[i], &cameras[camera_of_picture[i]]});
     }
-    if (!getenv("NOREF")) refine_features(scene, shown, team);
+    refine_features(scene, shown, team);
     adjust_all(scene, config, final_rounds);
   }
   return report(scene, described, pairs, by_content, pictures);

@@ -1235,6 +1235,9 @@ class StereoOdometry:
     def finish(self) -> list[OdometryResult]:
         """Adjust the whole block; a result for every pair given."""
 
+    def live_results(self) -> list[OdometryResult]:
+        """What was returned for every pair when it was given."""
+
     def points(self) -> NDArray[numpy.float32]:
         """(N, 3) points of the scene in the world, metres, after finish()."""
 
@@ -1365,6 +1368,179 @@ class Judge:
         """
         Return a Judge of the adjusted results of the same drive, who knows whom this one set aside and when: an adjustment spreads a sudden fault until it looks like motion.
         """
+
+    def set_aside(self) -> list[bool]:
+        """
+        Return a bool for each pair: contradicted by the others to the end. Join what such a pair said at the time, for its adjusted path is spoilt from its beginning.
+        """
+
+class ReconstructionConfig:
+    """Everything that can be set of a reconstruction."""
+
+    def __init__(self) -> None: ...
+    def to_dict(self) -> dict: ...
+    @staticmethod
+    def from_dict(values: dict) -> ReconstructionConfig:
+        """
+        The defaults with `values` changed; ValueError names a bad key or value.
+        """
+
+    def __setattr__(self, arg0: str, arg1: object, /) -> None: ...
+    @staticmethod
+    def describe() -> dict: ...
+    @property
+    def features(self) -> object:
+        """features kept of a picture, the strongest"""
+
+    @property
+    def uses_dog(self) -> object:
+        """blobs: extrema of differences of Gaussians"""
+
+    @property
+    def uses_harris(self) -> object:
+        """corners, on a pyramid"""
+
+    @property
+    def uses_fast_hessian(self) -> object:
+        """blobs: determinants of Hessians of box filters"""
+
+    @property
+    def is_oriented(self) -> object:
+        """descriptors turn with what they show: for cameras that roll"""
+
+    @property
+    def neighbours(self) -> object:
+        """pictures most alike that each picture is matched with"""
+
+    @property
+    def sequence_neighbours(self) -> object:
+        """of ordered pictures: so many that follow are matched as well"""
+
+    @property
+    def max_ratio(self) -> object:
+        """descriptors of a match: distance over that of the second best, at most"""
+
+    @property
+    def feature_sigma_px(self) -> object:
+        """standard error of a feature's coordinates at the finest scale"""
+
+    @property
+    def min_pair_inliers(self) -> object:
+        """matches that must agree on the geometry of two pictures"""
+
+    @property
+    def min_track_length(self) -> object:
+        """pictures that must show a point"""
+
+    @property
+    def min_angle_deg(self) -> object:
+        """least angle between the rays of a point"""
+
+    @property
+    def outlier_sigma(self) -> object:
+        """
+        an observation further from its point, in standard errors, is an outlier
+        """
+
+    @property
+    def min_pose_inliers(self) -> object:
+        """points that must agree on the pose of a picture"""
+
+    @property
+    def loss(self) -> object:
+        """robust weights: none, danish, huber, cauchy, tukey, geman_mcclure"""
+
+    @property
+    def threads(self) -> object:
+        """worker threads; the result is the same for any"""
+
+    @property
+    def seed(self) -> object:
+        """of the random samples"""
+
+class PictureFate(enum.Enum):
+    """What became of a picture of a reconstruction."""
+
+    posed = 0
+    """Its pose is known."""
+
+    few_features = 1
+    """A blank wall, darkness or blur."""
+
+    no_matches = 2
+    """Shows nothing that another picture shows."""
+
+    no_parallax = 3
+    """
+    All it shares with others was seen from one place: a turn is not enough.
+    """
+
+    not_connected = 4
+    """Matched, but too little of it is in the model."""
+
+class Reconstruction:
+    """
+    Poses and points up to one similarity: the world is the camera of the first posed picture, lengths mean nothing in metres.
+    """
+
+    @property
+    def camera_from_world(self) -> list[Transform | None]:
+        """One a picture, None where it has no pose."""
+
+    @property
+    def fates(self) -> list[PictureFate]:
+        """PictureFate, one a picture."""
+
+    @property
+    def points_in_world(self) -> object:
+        """(N, 3)."""
+
+    @property
+    def greys(self) -> object:
+        """(N,) uint8, brightness of each point."""
+
+    @property
+    def view_pictures(self) -> object:
+        """(M,) picture of each observation, grouped by point."""
+
+    @property
+    def view_points(self) -> object:
+        """(M,) point of each observation, ascending."""
+
+    @property
+    def view_px(self) -> object:
+        """(M, 2) pixel of each observation."""
+
+    @property
+    def view_residuals_px(self) -> object:
+        """(M,) distance of each observation from its point, in the ideal camera."""
+
+    @property
+    def rms_px(self) -> float:
+        """Of the residuals in x and y."""
+
+    @property
+    def feature_count(self) -> int: ...
+    @property
+    def pair_count(self) -> int:
+        """Pairs of pictures with a geometry."""
+
+    @property
+    def track_count(self) -> int: ...
+
+def reconstruct(
+    *,
+    pictures: Sequence[
+        Annotated[NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)]
+    ],
+    cameras: Sequence[Camera],
+    camera_of_picture: Sequence[int],
+    is_ordered: bool,
+    config: ReconstructionConfig = ...,
+) -> Reconstruction:
+    """
+    Structure from motion of (height, width) uint8 pictures by calibrated cameras; camera_of_picture[i] is an index into cameras. The order of the pictures does not change the model. ValueError for contradictory input; what cannot be solved is in `fates`.
+    """
 
 class SurfaceLayer:
     """One octave band of a surface's brightness."""
