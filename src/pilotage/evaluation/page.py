@@ -35,6 +35,7 @@ h2 { font-size: 17px; margin: 28px 0 10px; }
   align-items: start; }
 .figures .wide { grid-column: 1 / -1; }
 figure { margin: 0; }
+.caption { color: #555; font-size: 13px; margin-top: 6px; overflow-wrap: anywhere; }
 svg, img { display: block; width: 100%; height: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
 th, td { text-align: left; padding: 4px 10px; border-bottom: 1px solid #e6e8eb; font-weight: 400;
