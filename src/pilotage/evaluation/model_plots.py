@@ -109,7 +109,7 @@ def _draw_cameras(axes: Axes, corners: Array, *, is_ordered: bool) -> None:
     axes.plot(*centres.T, color=RED, lw=0.9, alpha=0.6, zorder=2.5)
     for at, marker, name in ((0, "o", "first picture"), (-1, "s", "last picture")):
         axes.plot(
-            *centres[at], marker, ms=6, mfc="white", mec=BLACK, mew=1.3, ls="", label=name,
+            *centres[at], marker, ms=5, mfc="white", mec=BLACK, mew=1.3, ls="", label=name,
             zorder=4,
         )  # fmt: skip
 
@@ -125,6 +125,7 @@ def draw_track_lengths(model: Model) -> str:
     names = [str(length) for length in edges]
     if longest > edges[-1]:
         names[-1] += "+"
+    axes.margins(y=0.12)
     bars = axes.bar(names, counts, color=BLUE, width=0.75)
     axes.bar_label(bars, padding=1, fontsize=7)
     axes.set(xlabel="pictures that show a point", ylabel="points", title="Length of tracks")

@@ -110,7 +110,7 @@ def _cloud(model: Model, summary: Mapping[str, Any]) -> Iterable[str]:
     yield "<h2>Points and cameras</h2><div class='figures'>"
     yield figure_card(drawn, "points and cameras from above and from the side", wide=True)
     yield "</div>"
-    said = "Up is the mean of what is up in the pictures; 0 is the first camera placed."
+    said = "Up is the mean of what is up in the pictures; 0 is where the first picture was taken."
     if not is_metric:
         said += (
             " From pictures alone the size is unknown: lengths are in a unit of the model's own."

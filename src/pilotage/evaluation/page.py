@@ -21,6 +21,7 @@ main { max-width: 1120px; margin: 0 auto; padding: 24px 16px 48px; }
 h1 { font-size: 24px; margin: 0; }
 h2 { font-size: 17px; margin: 28px 0 10px; }
 .made { color: #666; margin: 2px 0 18px; overflow-wrap: anywhere; }
+.figures + .made { margin-top: 8px; }
 .card { background: #fff; border: 1px solid #dfe2e6; border-radius: 8px; padding: 12px 14px; }
 .verdict { font-size: 17px; border-left: 6px solid #009E73; }
 .verdict.bad { border-left-color: #D55E00; }

@@ -86,16 +86,18 @@ def _dots(pixel_px: Array, lengths: Array, picture: Any) -> str:
     return (
         f"<svg viewBox='0 0 {size[0]} {size[1]}'><image width='{size[0]}' height='{size[1]}' "
         f"href='data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}'/>"
-        f"<g fill='none' stroke-linecap='round'>{paths}</g></svg>"
+        f"{paths}</svg>"
     )
 
 
 def _path(places: Array, colour: str) -> str:
-    """Return round dots as one path: lines of hardly any length with round ends, on a dark rim."""
+    """Return round dots as one path: lines of no length with round ends, on a dark rim."""
     if not len(places):
         return ""
-    line = "".join(f"M{x:.1f} {y:.1f}h.01" for x, y in places.tolist())
+    # As a style, for the style that comes with Matplotlib's figures holds in the whole page.
+    style = "style='fill:none;stroke-linecap:round'"
+    line = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in places.tolist())
     return (
-        f"<path d='{line}' stroke='#111' stroke-opacity='.8' stroke-width='{RIM_PX}'/>"
-        f"<path d='{line}' stroke='{colour}' stroke-width='{DOT_PX}'/>"
+        f"<path d='{line}' {style} stroke='#111' stroke-opacity='.8' stroke-width='{RIM_PX}'/>"
+        f"<path d='{line}' {style} stroke='{colour}' stroke-width='{DOT_PX}'/>"
     )
