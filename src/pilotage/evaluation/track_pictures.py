@@ -80,6 +80,7 @@ def _dots(pixel_px: Array, lengths: Array, picture: Any) -> str:
     # SVG counts from the corner of the first pixel.
     places = (pixel_px + 0.5) * (np.array(size) / (width, height))
     kinds = np.searchsorted([least for least, _, _ in CLASSES], lengths, side="right") - 1
+    kinds = np.maximum(kinds, 0)
     paths = "".join(
         _path(places[kinds == kind], colour) for kind, (_, colour, _) in enumerate(CLASSES)
     )
