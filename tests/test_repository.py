@@ -31,6 +31,7 @@ NEIGHBOURS = {
     ("recordings", "calibration"),
     ("evaluation", "recordings"),
     ("evaluation", "calibration"),
+    ("evaluation", "models"),
     ("simulation", "calibration"),
     ("robots", "calibration"),
     ("robots", "simulation"),

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 import yaml
 
@@ -19,16 +18,26 @@ from pilotage.behaviors.reconstruct import FATE_WORDS, Reconstructed, read_greys
 from pilotage.calibration.one_camera import camera_of_view, load_camera
 from pilotage.calibration.own import camera_values
 from pilotage.errors import InputError
-from pilotage.models import Model, write_colmap_binary, write_colmap_text, write_ply
+from pilotage.models import Model, write_colmap_binary, write_colmap_text, write_ply, write_tum
 from pilotage.provenance import program_commit
-from pilotage.recordings.pictures import PictureError, list_pictures, read_grey
-from pilotage.results import CALIBRATION, CLOUD, CONFIG, SUMMARY, check_free, write_json
+from pilotage.recordings.pictures import PictureError, list_pictures, read_color, read_grey
+from pilotage.recordings.times import NS_PER_S, times_in_names
+from pilotage.results import (
+    CALIBRATION,
+    CLOUD,
+    CLOUD_WITH_CAMERAS,
+    COLMAP_BINARY,
+    COLMAP_TEXT,
+    CONFIG,
+    FILES,
+    SUMMARY,
+    TUM,
+    check_free,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from pilotage import Camera, ReconstructionConfig
-
-TEXT, BINARY = "colmap_text", "colmap_binary"
-CLOUD_WITH_CAMERAS = "points_and_cameras.ply"
 
 
 def reconstruct_folder(  # noqa: PLR0913, all by name
@@ -58,9 +67,10 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     names = [file.name for file in files]
     found = solve(greys, names, camera=camera, ordered=ordered, config=config)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
-    summary = _summary(pictures, found) | cost
+    summary = _summary(pictures, found) | {"ordered": ordered} | cost
     model = coloured(found.model, {file.name: file for file in files})
-    errors = write_each(_writes(out, model, camera, config, summary))
+    times_ns = picture_times(files)
+    errors = write_each(_writes(out, model, camera, config, summary, times_ns))
     if errors:
         raise errors[0]
     return summary
@@ -100,11 +110,15 @@ def _begin(out: Path) -> None:
     except OSError as error:
         raise InputError(f"cannot use {out} for results: {error.strerror}") from error
     write_json(out / SUMMARY, {"program": "pilotage", "state": "running"})
-    for name in (CLOUD, CLOUD_WITH_CAMERAS, CALIBRATION, CONFIG):
-        (out / name).unlink(missing_ok=True)
-    for folder in (TEXT, BINARY):
-        for file in (out / folder).glob("*.*"):
-            file.unlink()
+    try:
+        for name in (*FILES, CLOUD_WITH_CAMERAS):
+            if name != SUMMARY:
+                (out / name).unlink(missing_ok=True)
+        for folder in (COLMAP_TEXT, COLMAP_BINARY):
+            for file in (out / folder).glob("*.*"):
+                file.unlink()
+    except OSError as error:
+        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
 
 
 def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
@@ -117,7 +131,7 @@ def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
     result = found.result
     return {
         "program": "pilotage", "version": __version__, "commit": program_commit(),
-        "state": "done", "source": str(pictures), "verdict": verdict(found),
+        "state": "done", "source": str(pictures.resolve()), "verdict": verdict(found),
         "pictures": len(found.names), "posed": posed, "without_pose": missing,
         "points": len(found.model.points_in_world), "observations": len(found.model.picture),
         "rms_px": result.rms_px, "features": result.feature_count,
@@ -138,8 +152,22 @@ def verdict(found: Reconstructed) -> str:
     return FATE_WORDS[commonest]
 
 
-def _writes(
-    out: Path, model: Model, camera: Camera, config: ReconstructionConfig, summary: dict[str, Any]
+def picture_times(files: Sequence[Path]) -> dict[str, int]:
+    """Return nanoseconds by name: what the names tell, else the place among them as seconds."""
+    told = times_in_names([file.stem for file in files], files[0].parent)
+    # Two pictures of one time would leave a trajectory in which a time has two poses.
+    if told is None or len(set(told)) < len(told):
+        told = [i * NS_PER_S for i in range(len(files))]
+    return {file.name: time_ns for file, time_ns in zip(files, told, strict=True)}
+
+
+def _writes(  # noqa: PLR0913, PLR0917, all that is written
+    out: Path,
+    model: Model,
+    camera: Camera,
+    config: ReconstructionConfig,
+    summary: dict[str, Any],
+    times_ns: dict[str, int],
 ) -> list[Callable[[], object]]:
     text = yaml.safe_dump(camera_values(camera), sort_keys=False)
     settings = yaml.safe_dump(config.to_dict(), sort_keys=False)
@@ -148,9 +176,11 @@ def _writes(
         functools.partial(write_atomically, out / CONFIG, settings),
     ]
     if model.names:
+        posed_ns = [times_ns[name] for name in model.names]
         writes += [
-            functools.partial(write_colmap_text, out / TEXT, model),
-            functools.partial(write_colmap_binary, out / BINARY, model),
+            functools.partial(write_colmap_text, out / COLMAP_TEXT, model),
+            functools.partial(write_colmap_binary, out / COLMAP_BINARY, model),
+            functools.partial(write_tum, out / TUM, model, posed_ns),
             functools.partial(write_ply, out / CLOUD, model),
             functools.partial(write_ply, out / CLOUD_WITH_CAMERAS, model, with_cameras=True),
         ]
@@ -162,11 +192,14 @@ def coloured(model: Model, files: dict[str, Path]) -> Model:
     """Return the model with each point in the colour of the last picture that shows it."""
     colors = model.colors.copy()
     for i, name in enumerate(model.names):
-        picture = cv2.imread(str(files[name]), cv2.IMREAD_COLOR) if name in files else None
-        if picture is None:
+        if name not in files:
             continue
+        try:
+            picture = read_color(files[name])
+        except PictureError:
+            continue  # It was read a moment ago; the points keep their grey.
         rows = np.flatnonzero(model.picture == i)
         x, y = np.rint(model.pixel_px[rows]).astype(int).T
         x, y = x.clip(0, picture.shape[1] - 1), y.clip(0, picture.shape[0] - 1)
-        colors[model.point[rows]] = picture[y, x, ::-1]
+        colors[model.point[rows]] = picture[y, x]
     return Model(**{**vars(model), "colors": colors})

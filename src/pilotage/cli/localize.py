@@ -10,6 +10,7 @@ import typer
 
 from pilotage.behaviors.choice import Use
 from pilotage.cli import options
+from pilotage.cli.drawing import draw_report
 from pilotage.cli.errors import (
     FAILED,
     errors_to_exit,
@@ -80,7 +81,7 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
         run = _track_joint if choice.is_joint else _track_one
         with stop_on_terminate():
             summary = run(choice, used, selection, out, overwrite)
-        fault = _draw_report(out) if report else None
+        fault = draw_report("pilotage.evaluation.report", out) if report else None
         _conclude(summary, out)
         if fault is not None:
             fail(f"report not drawn: {fault}", FAILED)
@@ -125,23 +126,6 @@ def _track_joint(
             overwrite=overwrite,
             on_instant=progress.on_pair,
         )
-
-
-def _draw_report(out: Path) -> str | None:
-    """Draw in a process of its own, as plotting needs more memory than tracking; say a fault."""
-    import subprocess
-    import sys
-
-    drawn = subprocess.run(
-        [sys.executable, "-m", "pilotage.evaluation.report", str(out)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if drawn.returncode == 0:
-        return None
-    said = drawn.stderr.strip().splitlines()
-    return said[-1] if said else f"exit code {drawn.returncode}"
 
 
 def _conclude(summary: dict[str, Any], out: Path) -> None:

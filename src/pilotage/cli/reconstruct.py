@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from pilotage.cli import options
+from pilotage.cli.drawing import draw_report
 from pilotage.cli.errors import FAILED, errors_to_exit, fail, say_warning
 
 
@@ -35,6 +36,7 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
     ] = None,
+    report: Annotated[bool, typer.Option(help="Draw report.html.")] = True,
     overwrite: Annotated[
         bool, typer.Option(help="Replace an earlier model in that folder.")
     ] = False,
@@ -43,8 +45,9 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
     """Example: pilotage reconstruct pictures/ --fov-deg 60.9 -o model/
 
     Find where each picture was taken and what it shows, from pictures alone (structure from
-    motion). The model is written for COLMAP (text and binary), as PLY and as a trajectory; lengths
-    are in the model's own unit. Pictures that cannot be placed are named with the reason.
+    motion). The model is written for COLMAP (text and binary), as PLY and as a trajectory, and
+    shown by a report; lengths are in the model's own unit. Pictures that cannot be placed are
+    named with the reason.
     """
     with errors_to_exit(debug=debug):
         from pilotage.behaviors.model_folder import reconstruct_folder
@@ -59,16 +62,19 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
             config=load_reconstruction_config(config, settings or []),
             overwrite=overwrite,
         )
+        fault = draw_report("pilotage.evaluation.model_report", out) if report else None
         _conclude(summary, out)
+        if fault is not None:
+            fail(f"report not drawn: {fault}", FAILED)
 
 
 def _conclude(summary: dict[str, Any], out: Path) -> None:
+    from pilotage.evaluation.verdict import model_words
+    from pilotage.results import REPORT, SUMMARY
+
     for name, words in summary["without_pose"].items():
         say_warning(f"{name}: {words}")
-    posed, total = summary["posed"], summary["pictures"]
-    if posed == 0:
-        fail(f"no model: {summary['verdict']}", FAILED)
-    typer.echo(
-        f"{posed} of {total} pictures placed, {summary['points']} points, residuals"
-        f" {summary['rms_px']:.2f} px rms, {summary['wall_s']:.1f} s; {out / 'summary.json'}"
-    )
+    if summary["posed"] == 0:
+        fail(model_words(summary), FAILED)
+    shown = REPORT if (out / REPORT).exists() else SUMMARY
+    typer.echo(f"{model_words(summary)}. Model in {out}, see {out / shown}")

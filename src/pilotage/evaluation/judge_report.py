@@ -11,17 +11,12 @@ from typing import Any
 from pilotage import JudgeConfig
 from pilotage.evaluation.evaluate import Comparison
 from pilotage.evaluation.judge_plots import draw_chi_squares, draw_choice, draw_differences
+from pilotage.evaluation.page import figure_card
 from pilotage.evaluation.several import Several
 from pilotage.evaluation.verdict import alone_rows
 
 # More stretches than this tell no more; judge.csv has them all.
 LISTED = 20
-
-
-def figure_card(svg: str, name: str, *, wide: bool = False) -> str:
-    """Return a figure of the page, as wide as the page or half of it."""
-    kind = "card wide" if wide else "card"
-    return f"<figure class='{kind}' role='img' aria-label='{escape(name)}'>{svg}</figure>"
 
 
 def judge_sections(several: Several, summary: Mapping[str, Any]) -> Iterable[str]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito (2008): told apart with any colour vision, and in grey by their lightness.
 BLUE, ORANGE, RED, GREEN, BLACK = "#0072B2", "#E69F00", "#D55E00", "#009E73", "#222222"
+YELLOW = "#F0E442"  # for dots and areas; a line of it is not seen on white
 PAIR_COLOURS = ("#CC79A7", "#009E73", "#56B4E9", "#A68A00")
 # Beyond this a curve shows no more on a page, and the page only grows.
 MOST_POINTS = 3000

@@ -14,14 +14,23 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from pilotage.atomic_files import write_atomically
-from pilotage.errors import InputError, PilotageError
+from pilotage.errors import InputError
 from pilotage.evaluation import plots
 from pilotage.evaluation.course import Course, course_of, truth_in_view
 from pilotage.evaluation.evaluate import Comparison, evaluate_results
 from pilotage.evaluation.judge_plots import draw_pair_errors
-from pilotage.evaluation.judge_report import alone_table, figure_card, judge_sections
+from pilotage.evaluation.judge_report import alone_table, judge_sections
 from pilotage.evaluation.metrics import SegmentError
+from pilotage.evaluation.page import (
+    appendix,
+    figure_card,
+    head,
+    number_cards,
+    run_alone,
+    verdict_card,
+    warnings_card,
+    write_page,
+)
 from pilotage.evaluation.several import Several, paths_in_view, read_several
 from pilotage.evaluation.verdict import (
     calibration_words,
@@ -30,60 +39,13 @@ from pilotage.evaluation.verdict import (
     metric_rows,
     tracking_words,
 )
-from pilotage.pose_files import read_text
 from pilotage.reasons import reason_remedy, reason_words
-from pilotage.results import CALIBRATION, CONFIG, PICTURES, REPORT, TRUTH, Results, read_results
-
-CSS = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, sans-serif; color: #222; background: #f4f5f7; margin: 0; }
-main { max-width: 1120px; margin: 0 auto; padding: 24px 16px 48px; }
-h1 { font-size: 24px; margin: 0; }
-h2 { font-size: 17px; margin: 28px 0 10px; }
-.made { color: #666; margin: 2px 0 18px; overflow-wrap: anywhere; }
-.card { background: #fff; border: 1px solid #dfe2e6; border-radius: 8px; padding: 12px 14px; }
-.verdict { font-size: 17px; border-left: 6px solid #009E73; }
-.verdict.bad { border-left-color: #D55E00; }
-.verdict p { margin: 4px 0; }
-.warnings { border-left: 6px solid #D55E00; background: #fff6ef; margin-top: 12px; }
-.warnings ul { margin: 4px 0; padding-left: 20px; }
-.numbers { display: grid; grid-template-columns: repeat(auto-fill, minmax(150px, 1fr)); gap: 10px;
-  margin-top: 12px; }
-.numbers b { display: block; font-size: 20px; font-weight: 600; }
-.numbers span { color: #555; font-size: 13px; }
-.figures { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 12px;
-  align-items: start; }
-.figures .wide { grid-column: 1 / -1; }
-figure { margin: 0; }
-svg, img { display: block; width: 100%; height: auto; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; width: 100%; }
-th, td { text-align: left; padding: 4px 10px; border-bottom: 1px solid #e6e8eb; font-weight: 400;
-  vertical-align: top; }
-thead th { color: #555; font-size: 13px; }
-.stop { color: #D55E00; font-weight: 600; }
-.number { text-align: right; white-space: nowrap; }
-pre { overflow-x: auto; font-size: 13px; margin: 8px 0 0; }
-details { margin-top: 10px; }
-summary { cursor: pointer; }
-@media (max-width: 760px) { .figures { grid-template-columns: 1fr; } }
-@media print { body { background: #fff; } .card { break-inside: avoid; } }
-"""
+from pilotage.results import PICTURES, TRUTH, Results, read_results
 
 
 def write_report(results: Results, comparison: Comparison | None) -> None:
     """Write report.html into the results folder; `comparison` adds what is known of the truth."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(plots.STYLE):
-        body = "\n".join(_sections(results, comparison))
-    name = escape(_recording(results)["name"])
-    write_atomically(
-        results.path / REPORT,
-        "<!doctype html>\n<html lang='en'>\n<head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{name}: Pilotage</title><style>{CSS}</style></head>\n"
-        f"<body><main>\n{body}\n</main></body>\n</html>\n",
-    )
+    write_page(results.path, _recording(results)["name"], _sections(results, comparison))
 
 
 def _recording(results: Results) -> dict[str, Any]:
@@ -99,10 +61,10 @@ def _sections(results: Results, comparison: Comparison | None) -> Iterable[str]:
     yield _head(results)
     if "pairs" in summary:
         yield _verdict(summary)
-        yield _warnings(summary["warnings"])
+        yield warnings_card(summary["warnings"])
         yield _numbers(summary)
     else:
-        yield _warnings(["The run was killed: this is what was known when it ended."])
+        yield warnings_card(["The run was killed: this is what was known when it ended."])
     if several is not None:
         yield from judge_sections(several, summary)
     yield from _figures(course, comparison, several)
@@ -112,20 +74,14 @@ def _sections(results: Results, comparison: Comparison | None) -> Iterable[str]:
         yield alone_table(comparison)
     if "pairs" in summary:
         yield _reasons(summary)
-    yield _appendix(results)
+    yield appendix(results.path)
 
 
 def _head(results: Results) -> str:
-    summary, recording = results.summary, _recording(results)
-    version = f"Pilotage {summary.get('version', '')}".strip()
-    commit = summary.get("commit")
-    made = f"{version} ({commit[:12]})" if commit else version
+    recording = _recording(results)
     simulated = recording.get("simulated")
     origin = f"<p class='made'>Simulated: {escape(simulated)}</p>" if simulated else ""
-    return (
-        f"<h1>{escape(recording['name'])}</h1>"
-        f"<p class='made'>{escape(str(recording['path']))} &middot; {escape(made)}</p>{origin}"
-    )
+    return head(recording["name"], str(recording["path"]), results.summary) + origin
 
 
 def _verdict(summary: dict[str, Any]) -> str:
@@ -137,15 +93,7 @@ def _verdict(summary: dict[str, Any]) -> str:
     said = [tracking_words(summary), check.get("message") or calibration_words(check)]
     if failure is not None:
         said.insert(0, failure[0].upper() + failure[1:])
-    paragraphs = "".join(f"<p>{escape(sentence)}</p>" for sentence in said)
-    return f"<div class='card verdict{' bad' if is_bad else ''}'>{paragraphs}</div>"
-
-
-def _warnings(warnings: Sequence[str]) -> str:
-    if not warnings:
-        return ""
-    items = "".join(f"<li>{escape(warning)}</li>" for warning in warnings)
-    return f"<div class='card warnings'><b>Warnings</b><ul>{items}</ul></div>"
+    return verdict_card(said, is_bad=is_bad)
 
 
 def _numbers(summary: dict[str, Any]) -> str:
@@ -158,11 +106,7 @@ def _numbers(summary: dict[str, Any]) -> str:
         (f"{summary['adjustment_cpu_ms']:.0f} ms", "CPU of the last adjustment"),
         (f"{summary['peak_rss_mb']:.0f} MB", "peak memory"),
     ]
-    cards = "".join(
-        f"<div class='card'><b>{escape(value)}</b><span>{escape(name)}</span></div>"
-        for value, name in shown
-    )
-    return f"<div class='numbers'>{cards}</div>"
+    return number_cards(shown)
 
 
 def _figures(
@@ -255,18 +199,6 @@ def _reasons(summary: dict[str, Any]) -> str:
     )
 
 
-def _appendix(results: Results) -> str:
-    parts = []
-    for name in (CONFIG, CALIBRATION):
-        path = results.path / name
-        if path.exists():
-            text = escape(read_text(path))
-            parts.append(
-                f"<details class='card'><summary>{name}</summary><pre>{text}</pre></details>"
-            )
-    return "<h2>How it was run</h2>" + "".join(parts)
-
-
 def draw_report(out: Path) -> None:
     """Draw the report of a results folder, against the truth where the folder holds one."""
     results = read_results(out)
@@ -278,15 +210,5 @@ def draw_report(out: Path) -> None:
     write_report(results, comparison)
 
 
-def main() -> int:
-    """Draw the report of the folder named on the command line; 1 where it cannot be drawn."""
-    try:
-        draw_report(Path(sys.argv[1]))
-    except PilotageError as error:
-        print(error, file=sys.stderr)
-        return 1
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_alone(draw_report))

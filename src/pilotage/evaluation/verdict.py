@@ -14,6 +14,16 @@ if TYPE_CHECKING:
     from pilotage.evaluation.metrics import Metrics
 
 
+def model_words(summary: Mapping[str, Any]) -> str:
+    """Return one line on how much of a folder of pictures became a model."""
+    if not summary["posed"]:
+        return f"No model: {summary['verdict']}"
+    return (
+        f"{summary['posed']} of {summary['pictures']} pictures placed, {summary['points']} points,"
+        f" residuals {summary['rms_px']:.2f} px rms, {summary['wall_s']:.1f} s"
+    )
+
+
 def tracking_words(summary: Mapping[str, Any]) -> str:
     """Return one sentence on how much was tracked, over which way."""
     posed = summary["tracked"] + summary["degraded"]

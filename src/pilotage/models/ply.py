@@ -62,18 +62,26 @@ def _ply(vertices: NDArray[np.void], faces: NDArray[np.void] | None = None) -> b
 
 def _pyramids(model: Model, first: int) -> tuple[NDArray[np.void], NDArray[np.void]]:
     """Return vertices and faces; `first` is the number of the first vertex."""
+    vertices = np.empty((len(model.names), 5), VERTEX)
+    vertices["xyz"], vertices["rgb"] = pyramid_corners(model), PYRAMID_COLOR
+    faces = np.empty((len(vertices), len(SIDES)), FACE)
+    faces["count"] = 3
+    faces["corners"] = first + 5 * np.arange(len(vertices))[:, None, None] + np.array(SIDES)
+    return vertices.ravel(), faces.ravel()
+
+
+def pyramid_corners(model: Model, *, least_depth: float = 0.0) -> NDArray[np.float64]:
+    """Return (P, 5, 3) in the world: of each picture the centre of projection and its corners.
+
+    The pyramids suit the distances of the cameras, but are not less deep than `least_depth`.
+    """
     poses = model.world_from_camera()
-    depth = PYRAMID_SHARE * _spacing(poses[:, :3, 3])
-    vertices = np.empty((len(poses), 5), VERTEX)
-    vertices["rgb"] = PYRAMID_COLOR
+    depth = max(PYRAMID_SHARE * _spacing(poses[:, :3, 3]), least_depth)
+    corners = np.empty((len(poses), 5, 3))
     for i, world_from_camera in enumerate(poses):
         points_in_camera = depth * _pyramid(model.camera_of(i))
-        rotation, centre = world_from_camera[:3, :3], world_from_camera[:3, 3]
-        vertices["xyz"][i] = points_in_camera @ rotation.T + centre
-    faces = np.empty((len(poses), len(SIDES)), FACE)
-    faces["count"] = 3
-    faces["corners"] = first + 5 * np.arange(len(poses))[:, None, None] + np.array(SIDES)
-    return vertices.ravel(), faces.ravel()
+        corners[i] = points_in_camera @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
+    return corners
 
 
 def _pyramid(camera: Camera) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from pilotage.errors import InputError
 from pilotage.recordings.frames import Truth
 from pilotage.recordings.pairs import Pair, PairRecording, check_times, match_names, steady_times
 from pilotage.recordings.pictures import list_pictures
-from pilotage.recordings.times import nanoseconds, seconds_to_ns
+from pilotage.recordings.times import times_in_names
 from pilotage.recordings.truth import body_from_left, find_truth
 
 # Folders that may hold the pictures, and the names of one folder a side.
@@ -26,8 +26,6 @@ SIDE_FOLDERS = (
 # How left and right names differ: at the end (a_left, a-L, a_0) or at the start (left01, cam0_01).
 LEFT_WORDS, RIGHT_WORDS = ("left", "cam0", "l", "0"), ("right", "cam1", "r", "1")
 NAME_PATTERNS = (r"(?P<key>.*?)[ _.-]{side}", r"{side}[ _.-]?(?P<key>.+)", r"(?P<key>.*){side}")
-SECONDS_NAME = re.compile(r"\d{9,10}\.\d{1,9}")
-NANOSECONDS_NAME = re.compile(r"\d{15,19}")
 
 
 class ImagesRecording(PairRecording):
@@ -116,11 +114,8 @@ def _matching(pictures: list[Path], pattern: str, side: str) -> dict[str, Path]:
 def _times(keys: list[str], folder: Path, rate_hz: float | None) -> list[int]:
     if rate_hz is not None:
         return steady_times(len(keys), rate_hz)
-    if all(NANOSECONDS_NAME.fullmatch(key) for key in keys):
-        times_ns = [nanoseconds(key, str(folder / key)) for key in keys]
-    elif all(SECONDS_NAME.fullmatch(key) for key in keys):
-        times_ns = [seconds_to_ns(key, str(folder / key)) for key in keys]
-    else:
+    times_ns = times_in_names(keys, folder)
+    if times_ns is None:
         return steady_times(len(keys), None)
     check_times(times_ns, folder)
     return times_ns

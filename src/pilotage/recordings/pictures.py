@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pilotage.recordings.frames import Grey
 
@@ -41,14 +42,32 @@ def read_grey(file: Path) -> Grey:
 
     Raises PictureError when the file is missing, empty, cut short or no picture.
     """
+    return decode_grey(_content(file), file)
+
+
+def read_color(file: Path) -> NDArray[np.uint8]:
+    """Return (height, width, 3) uint8: red, green, blue; no rotation, so pixels are `read_grey`'s.
+
+    Raises PictureError alike.
+    """
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        picture = cv2.imdecode(np.frombuffer(_content(file), np.uint8), flags)
+    except (cv2.error, MemoryError):
+        picture = None
+    if picture is None or picture.size == 0:
+        raise PictureError(f"{file}: no picture that can be decoded")
+    return np.asarray(picture[..., ::-1], np.uint8)
+
+
+def _content(file: Path) -> bytes:
     try:
         if file.stat().st_size > LARGEST_FILE_BYTES:
             raise PictureError(f"{file}: larger than {LARGEST_FILE_BYTES} bytes")
-        data = file.read_bytes()
+        return file.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise PictureError(f"{file}: cannot be read ({reason})") from None
-    return decode_grey(data, file)
 
 
 def decode_grey(data: bytes, file: Path | str) -> Grey:

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
@@ -12,6 +14,9 @@ from pilotage.errors import InputError
 NS_PER_S = 1_000_000_000
 LATEST_S = 9e9  # int64 nanoseconds end in 2262
 LARGEST_FILE_BYTES = 256 * 1024 * 1024
+# Names of pictures that tell when they were taken.
+SECONDS_NAME = re.compile(r"\d{9,10}\.\d{1,9}")
+NANOSECONDS_NAME = re.compile(r"\d{15,19}")
 
 
 def read_lines(file: Path) -> list[str]:
@@ -44,6 +49,15 @@ def nanoseconds(text: str, place: str) -> int:
     if not (digits.isascii() and digits.isdecimal()) or len(digits) > 19 or int(digits) >= 2**63:
         raise InputError(f"{place}: {text[:40]!r} is no time in nanoseconds; correct it")
     return int(digits)
+
+
+def times_in_names(names: Sequence[str], folder: Path) -> list[int] | None:
+    """Return nanoseconds where each name, without suffix, is a time; None where one is not."""
+    if all(NANOSECONDS_NAME.fullmatch(name) for name in names):
+        return [nanoseconds(name, str(folder / name)) for name in names]
+    if all(SECONDS_NAME.fullmatch(name) for name in names):
+        return [seconds_to_ns(name, str(folder / name)) for name in names]
+    return None
 
 
 def finite_numbers(words: list[str], count: int, place: str) -> list[float]:

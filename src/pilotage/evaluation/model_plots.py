@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of a model's report, each as SVG text; to be drawn inside `rc_context(STYLE)`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pilotage.evaluation.level import level_from_world, limits_of
+from pilotage.evaluation.plots import BLACK, BLUE, ORANGE, RED, make_figure, svg_of
+from pilotage.evaluation.poses import Array
+from pilotage.models import Model
+from pilotage.models.ply import pyramid_corners
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Between black and white, of which clouds have both; and dots enough to be seen, few enough to be
+# told apart.
+GROUND = "#c9cdd2"
+DOT_AREA = (1.2, 9.0)
+DOTS_PER_AREA = 12000
+DOT_DPI = 170
+# Pyramids no smaller than this share of what is drawn.
+LEAST_PYRAMID = 0.018
+WIDTH, TALLEST = 10.4, 10.0
+# The corners of a picture, and from each to the centre of projection.
+OUTLINE = (0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2)
+MOST_BINS = 12
+
+
+def draw_cloud(model: Model, unit: str, *, is_ordered: bool) -> tuple[str, int]:
+    """Draw points and cameras from above and from the side, equal scale, `unit` at the axes.
+
+    The second value is the number of points that lie outside the figure.
+    """
+    level = level_from_world(model.world_from_camera())
+    origin = model.world_from_camera()[0, :3, 3]
+    points = (model.points_in_world - origin) @ level.T
+    centres = (model.world_from_camera()[:, :3, 3] - origin) @ level.T
+    limits = limits_of(points, centres)
+    extent = limits[1] - limits[0]
+    corners = pyramid_corners(model, least_depth=LEAST_PYRAMID * float(extent.max()))
+    corners = (corners - origin) @ level.T
+    limits = np.array(
+        [np.minimum(limits[0], corners.min((0, 1))), np.maximum(limits[1], corners.max((0, 1)))]
+    )
+    figure, axes = _two_views(limits[1] - limits[0])
+    # What is nearer is drawn later: from above what is higher, from the side what is on the right.
+    for place, upward, nearer, title, name in (
+        (axes[0], 1, points[:, 2], "From above", "across"),
+        (axes[1], 2, -points[:, 1], "From the side", "height"),
+    ):
+        shown = np.argsort(nearer, kind="stable")
+        view = [0, upward]
+        _draw_points(place, points[shown][:, view], model.colors[shown])
+        _draw_cameras(place, corners[:, :, view], is_ordered=is_ordered)
+        place.set(
+            title=title, xlim=limits[:, 0], ylim=limits[:, upward], facecolor=GROUND,
+            xlabel=f"along the way [{unit}]", ylabel=f"{name} [{unit}]",
+        )  # fmt: skip
+        place.set_aspect("equal", adjustable="box")
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper right", ncol=4)
+    inside = ((points >= limits[0]) & (points <= limits[1])).all(axis=1)
+    return svg_of(figure), int(np.count_nonzero(~inside))
+
+
+def _two_views(extent: Array) -> tuple[Figure, tuple[Axes, Axes]]:
+    """Return axes below or beside each other, whichever shows more on a page."""
+    from matplotlib.figure import Figure
+
+    along, across, height = (max(float(size), 1e-9) for size in extent)
+    # Inches for a unit; what is taken off are titles, numbers and the legend.
+    below = min((WIDTH - 1.0) / along, (TALLEST - 1.8) / (across + height))
+    beside = min((WIDTH / 2 - 0.9) / along, (TALLEST - 1.2) / max(across, height))
+    if below >= beside:
+        size = (WIDTH, max(below * (across + height) + 1.8, 3.0))
+        layout: dict[str, Any] = {"nrows": 2, "height_ratios": (across, height)}
+    else:
+        size = (WIDTH, max(beside * max(across, height) + 1.2, 3.0))
+        layout = {"ncols": 2}
+    figure = Figure(figsize=size, dpi=DOT_DPI, layout="constrained")
+    places = figure.subplots(**layout)
+    for place in places:
+        place.set_anchor("N")
+    return figure, (places[0], places[1])
+
+
+def _draw_points(axes: Axes, points: Array, colors: Array) -> None:
+    area = float(np.clip(DOTS_PER_AREA / max(len(points), 1), *DOT_AREA))
+    axes.scatter(
+        points[:, 0], points[:, 1], s=area, c=colors / 255.0, linewidths=0, rasterized=True
+    )
+
+
+def _draw_cameras(axes: Axes, corners: Array, *, is_ordered: bool) -> None:
+    """Draw (P, 5, 2) pyramids and, where pictures follow each other, the way between them."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(
+        LineCollection(corners[:, OUTLINE], colors=RED, linewidths=0.8, label="cameras", zorder=3)
+    )
+    if not is_ordered:
+        return
+    centres = corners[:, 0]
+    axes.plot(*centres.T, color=RED, lw=0.9, alpha=0.6, zorder=2.5)
+    for at, marker, name in ((0, "o", "first picture"), (-1, "s", "last picture")):
+        axes.plot(
+            *centres[at], marker, ms=5, mfc="white", mec=BLACK, mew=1.3, ls="", label=name,
+            zorder=4,
+        )  # fmt: skip
+
+
+def draw_track_lengths(model: Model) -> str:
+    """Draw how many points were seen in how many pictures."""
+    figure, axes = make_figure()
+    lengths = np.bincount(model.point, minlength=len(model.points_in_world))
+    longest = max(int(lengths.max(initial=2)), 2)
+    edges = np.arange(2, min(longest, MOST_BINS) + 1)
+    counts = [np.count_nonzero(lengths == length) for length in edges]
+    counts[-1] = np.count_nonzero(lengths >= edges[-1])
+    names = [str(length) for length in edges]
+    if longest > edges[-1]:
+        names[-1] += "+"
+    axes.margins(y=0.12)
+    bars = axes.bar(names, counts, color=BLUE, width=0.75)
+    axes.bar_label(bars, padding=1, fontsize=7)
+    axes.set(xlabel="pictures that show a point", ylabel="points", title="Length of tracks")
+    axes.grid(visible=False, axis="x")
+    return svg_of(figure)
+
+
+def draw_residual_counts(model: Model) -> str:
+    """Draw how many observations have how large a residual; the largest 2 % are left out."""
+    figure, axes = make_figure()
+    errors = model.reprojection_errors_px()
+    errors = errors[np.isfinite(errors)]
+    top = max(float(np.quantile(errors, 0.98)), 1e-6) if len(errors) else 1.0
+    axes.hist(errors, bins=40, range=(0, top), color=BLUE)
+    if len(errors):
+        middle = float(np.median(errors))
+        axes.axvline(middle, color=BLACK, ls="--", lw=1.1, label=f"median {middle:.2f} px")
+        axes.legend()
+    axes.set(xlabel="distance from where the point should be [px]", ylabel="observations")
+    axes.set(title="Residuals, all but the largest 2 %", xlim=(0, top))
+    return svg_of(figure)
+
+
+def draw_pictures(model: Model, names: list[str]) -> str:
+    """Draw for each of all pictures how many points it shows and its residual, rms of x and y.
+
+    `names` are those of all pictures in their order; those without pose are marked.
+    """
+    figure, (above, below) = _stacked()
+    place = {name: at for at, name in enumerate(names)}
+    at = np.array([place[name] for name in model.names], dtype=int)
+    counts = np.bincount(model.picture, minlength=len(model.names))
+    errors = model.reprojection_errors_px()
+    known = np.isfinite(errors)
+    sums = np.bincount(model.picture[known], weights=errors[known] ** 2, minlength=len(model.names))
+    seen = np.bincount(model.picture[known], minlength=len(model.names))
+    above.bar(at, counts, color=BLUE, width=0.8)
+    below.bar(at, np.sqrt(sums / np.maximum(2 * seen, 1)), color=ORANGE, width=0.8)
+    missing = sorted(set(range(len(names))) - set(at.tolist()))
+    for axes in (above, below):
+        for gap in missing:
+            axes.axvspan(gap - 0.5, gap + 0.5, color=RED, alpha=0.25, lw=0, zorder=0)
+        axes.grid(visible=False, axis="x")
+    above.set(ylabel="points seen", title="Each picture")
+    below.set(xlabel="picture", ylabel="residual, rms [px]", xlim=(-0.7, len(names) - 0.3))
+    _name_pictures(below, names)
+    return svg_of(figure)
+
+
+def _stacked() -> tuple[Figure, tuple[Axes, Axes]]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    return figure, (above, below)
+
+
+def _name_pictures(axes: Axes, names: list[str]) -> None:
+    """Write as many names below the axis as fit, upright where they are long."""
+    stride = -(-len(names) // 14)
+    at = range(0, len(names), stride)
+    shown = [
+        names[i] if len(names[i]) <= 24 else "\N{HORIZONTAL ELLIPSIS}" + names[i][-23:] for i in at
+    ]
+    long = max((len(name) for name in shown), default=0) > 9
+    axes.set_xticks(list(at), shown, rotation=30 if long else 0, ha="right" if long else "center")

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""report.html of a model: how much was placed, what it looks like, and what it rests on.
+
+`python -m pilotage.evaluation.model_report OUT` draws it anew from a model's folder.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from pilotage.errors import InputError
+from pilotage.evaluation import model_plots
+from pilotage.evaluation.page import (
+    appendix,
+    figure_card,
+    head,
+    number_cards,
+    run_alone,
+    verdict_card,
+    warnings_card,
+    write_page,
+)
+from pilotage.evaluation.track_pictures import legend, track_figures
+from pilotage.evaluation.verdict import model_words
+from pilotage.models import Model, read_colmap_binary
+from pilotage.pose_files import read_text
+from pilotage.recordings.pictures import natural_key
+from pilotage.results import COLMAP_BINARY, SUMMARY, is_results_folder
+
+# More names than this on a line tell no more; summary.json has them all.
+LISTED = 12
+
+
+def draw_report(out: Path) -> None:
+    """Draw the report of a model's folder; of the pictures those that are still where they were.
+
+    InputError where the folder holds no model that was finished, or one that cannot be read.
+    """
+    if not is_results_folder(out):
+        raise InputError(f"{out} is not a results folder: it has no {SUMMARY} of pilotage")
+    summary = json.loads(read_text(out / SUMMARY))
+    if "without_pose" not in summary:
+        raise InputError(f"{out} holds no finished model; run pilotage reconstruct")
+    model = read_colmap_binary(out / COLMAP_BINARY) if summary["posed"] else None
+    write_page(out, Path(summary["source"]).name, _sections(out, summary, model))
+
+
+def _sections(out: Path, summary: Mapping[str, Any], model: Model | None) -> Iterable[str]:
+    source = Path(summary["source"])
+    yield head(source.name, str(source), summary)
+    yield verdict_card([model_words(summary)], is_bad=summary["verdict"] != "whole")
+    yield warnings_card(missing_lines(summary["without_pose"]), "Pictures without a pose")
+    yield _numbers(summary)
+    if model is None:
+        yield "<h2>Points and cameras</h2><p class='card'>There is no model to draw.</p>"
+    else:
+        names = [*model.names, *summary["without_pose"]]
+        names.sort(key=lambda name: natural_key(Path(name)))
+        yield from _cloud(model, summary)
+        yield from _pictures(model, names, source)
+        yield "<h2>What the model rests on</h2><div class='figures'>"
+        lengths = model_plots.draw_track_lengths(model)
+        yield figure_card(lengths, "points by the number of pictures that show them")
+        yield figure_card(model_plots.draw_residual_counts(model), "residuals of observations")
+        shown = model_plots.draw_pictures(model, names)
+        yield figure_card(shown, "points and residual of each picture", wide=True)
+        yield "</div>"
+        if summary["without_pose"]:
+            yield "<p class='made'>Shaded: pictures without a pose.</p>"
+    yield appendix(out)
+
+
+def missing_lines(without_pose: Mapping[str, str]) -> list[str]:
+    """Return a line for each reason: which pictures have no pose for it, and what helps."""
+    lines = []
+    for reason in dict.fromkeys(without_pose.values()):
+        names = [name for name, said in without_pose.items() if said == reason]
+        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+        lines.append(f"{', '.join(names[:LISTED])}{more}: {reason}")
+    return lines
+
+
+def _numbers(summary: Mapping[str, Any]) -> str:
+    points, seen = summary["points"], summary["observations"]
+    rms_px = summary["rms_px"]
+    return number_cards(
+        [
+            (f"{summary['features']:,}", "features"),
+            (f"{summary['matched_pairs']:,}", "matched pairs"),
+            (f"{summary['tracks']:,}", "tracks"),
+            (f"{points:,}", "points"),
+            (f"{seen:,}", "observations"),
+            (f"{seen / points:.1f}" if points else "-", "pictures a point"),
+            ("-" if rms_px is None or not points else f"{rms_px:.2f} px", "residual, rms"),
+        ]
+    )
+
+
+def _cloud(model: Model, summary: Mapping[str, Any]) -> Iterable[str]:
+    is_metric = summary["unit"] == "m"
+    unit = "m" if is_metric else "model's unit"
+    drawn, outside = model_plots.draw_cloud(
+        model, unit, is_ordered=bool(summary.get("ordered", False))
+    )
+    yield "<h2>Points and cameras</h2><div class='figures'>"
+    yield figure_card(drawn, "points and cameras from above and from the side", wide=True)
+    yield "</div>"
+    said = "Up is the mean of what is up in the pictures; 0 is where the first picture was taken."
+    if not is_metric:
+        said += (
+            " From pictures alone the size is unknown: lengths are in a unit of the model's own."
+        )
+    if outside:
+        said += f" {outside} of {len(model.points_in_world)} points lie outside, far from the rest."
+    yield f"<p class='made'>{escape(said)}</p>"
+
+
+def _pictures(model: Model, names: list[str], source: Path) -> Iterable[str]:
+    place = {name: at for at, name in enumerate(names)}
+    order = sorted(range(len(model.names)), key=lambda i: place[model.names[i]])
+    figures = list(track_figures(model, order, source))
+    yield "<h2>What was found again in the pictures</h2>"
+    if figures:
+        yield f"{legend()}<div class='figures'>{''.join(figures)}</div>"
+    else:
+        yield f"<p class='card'>The pictures are no longer in {escape(str(source))}.</p>"
+
+
+if __name__ == "__main__":
+    sys.exit(run_alone(draw_report))
