@@ -13,11 +13,11 @@ using namespace nb::literals;
 
 /// One column of the list of views.
 template <typename T, typename Get>
-nb::object column(const std::vector<PointView>& views, Get&& get) {
+auto column(const std::vector<PointView>& views, Get&& get) {
   std::vector<T> values;
   values.reserve(views.size());
   for (const PointView& view : views) values.push_back(get(view));
-  return nb::cast(to_numpy(std::move(values)));
+  return to_numpy(std::move(values));
 }
 
 Reconstruction reconstruct_arrays(const std::vector<ImageArray>& pictures,
@@ -45,42 +45,41 @@ void bind_result(nb::module_& m) {
   nb::class_<Reconstruction>(
       m, "Reconstruction",
       "Poses and points up to one similarity: the world is the camera of the first posed picture, "
-      "lengths mean nothing in metres.")
+      "the unit the rms distance of the cameras from their middle.")
       .def_ro("camera_from_world", &Reconstruction::camera_from_world,
               "One a picture, None where it has no pose.")
       .def_ro("fates", &Reconstruction::fates, "PictureFate, one a picture.")
       .def_prop_ro(
           "points_in_world",
-          [](const Reconstruction& r) {
-            return nb::cast(to_numpy(std::vector(r.points_in_world)));
-          },
-          "(N, 3).")
+          [](const Reconstruction& r) { return to_numpy(std::vector(r.points_in_world)); },
+          nb::rv_policy::move, "(N, 3).")
       .def_prop_ro(
-          "greys", [](const Reconstruction& r) { return nb::cast(to_numpy(std::vector(r.greys))); },
-          "(N,) uint8, brightness of each point.")
+          "greys", [](const Reconstruction& r) { return to_numpy(std::vector(r.greys)); },
+          nb::rv_policy::move, "(N,) uint8, brightness of each point.")
       .def_prop_ro(
           "view_pictures",
           [](const Reconstruction& r) {
             return column<int>(r.views, [](const auto& v) { return v.picture; });
           },
-          "(M,) picture of each observation, grouped by point.")
+          nb::rv_policy::move, "(M,) picture of each observation, grouped by point.")
       .def_prop_ro(
           "view_points",
           [](const Reconstruction& r) {
             return column<int>(r.views, [](const auto& v) { return v.point; });
           },
-          "(M,) point of each observation, ascending.")
+          nb::rv_policy::move, "(M,) point of each observation, ascending.")
       .def_prop_ro(
           "view_px",
           [](const Reconstruction& r) {
             return column<Eigen::Vector2f>(r.views, [](const auto& v) { return v.px; });
           },
-          "(M, 2) pixel of each observation.")
+          nb::rv_policy::move, "(M, 2) pixel of each observation.")
       .def_prop_ro(
           "view_residuals_px",
           [](const Reconstruction& r) {
             return column<float>(r.views, [](const auto& v) { return v.residual_px; });
           },
+          nb::rv_policy::move,
           "(M,) distance of each observation from its point, in the ideal camera.")
       .def_ro("rms_px", &Reconstruction::rms_px, "Of the residuals in x and y.")
       .def_ro("feature_count", &Reconstruction::feature_count)

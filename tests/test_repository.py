@@ -43,6 +43,7 @@ CPP_USES = {
     "tracking": {"geometry"},
     "estimation": {"geometry"},
     "odometry": {"geometry", "tracking", "estimation"},
+    "reconstruction": {"geometry", "tracking", "estimation"},
     "rendering": {"geometry"},
 }
 PACKAGE_OF_MODULE = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}

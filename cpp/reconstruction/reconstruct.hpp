@@ -29,8 +29,9 @@ struct PointView {
   float residual_px = 0;  ///< length, in the ideal camera
 };
 
-/// Poses and points, up to one similarity: the world is the first picture's camera, and the
-/// longest distance between two of its points and cameras means nothing in metres.
+/// Poses and points, up to one similarity: the world is the camera of the first posed picture, and
+/// the unit of length the rms distance of the cameras from their middle, whatever that is in
+/// metres.
 struct Reconstruction {
   std::vector<std::optional<Transform>> camera_from_world;  ///< one a picture
   std::vector<PictureFate> fates;

@@ -57,6 +57,22 @@ void report_points(const Scene& scene, std::span<const int> order,
   }
 }
 
+/// Makes the first picture given the world, and the cameras' rms distance from their middle 1.
+void set_world(Scene& scene, std::span<const int> order, std::span<const int> posed) {
+  int first = posed.front();
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const int k : posed) {
+    if (order[k] < order[first]) first = k;
+    middle += scene.camera_from_world(k)->inverse().translation / static_cast<double>(posed.size());
+  }
+  double squares = 0;
+  for (const int k : posed) {
+    squares += (scene.camera_from_world(k)->inverse().translation - middle).squaredNorm();
+  }
+  const double spread = std::sqrt(squares / static_cast<double>(posed.size()));
+  scene.normalise(first, spread > 0 ? 1 / spread : 1);
+}
+
 }  // namespace
 
 Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
@@ -64,14 +80,16 @@ Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
                       std::span<const ImageView> pictures) {
   Reconstruction result;
   const std::size_t count = pictures.size();
+  std::vector<int> posed;
+  for (int k = 0; k < static_cast<int>(count); ++k) {
+    if (scene.camera_from_world(k)) posed.push_back(k);
+  }
+  if (!posed.empty()) set_world(scene, order, posed);
   result.camera_from_world.resize(count);
   result.fates.resize(count);
-  result.pose_covariances.assign(count, Matrix6d::Zero());
-  std::vector<int> posed;
   for (int k = 0; k < static_cast<int>(count); ++k) {
     result.camera_from_world[order[k]] = scene.camera_from_world(k);
     result.fates[order[k]] = fate_of(scene, k, described[k], pairs);
-    if (scene.camera_from_world(k)) posed.push_back(k);
     result.feature_count += static_cast<int>(described[k].rays.size());
   }
   result.pair_count = static_cast<int>(pairs.size());

@@ -82,7 +82,7 @@ class Scene {
   /// any angle. Returns how many features went.
   int drop_outliers(std::span<const int> tracks);
 
-  /// Poses of a world that is `scale` times as large, with `picture` at its origin.
+  /// Makes a posed picture the world, and lengths `scale` times as large.
   void normalise(int picture, double scale);
 
  private:

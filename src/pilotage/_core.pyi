@@ -1480,7 +1480,7 @@ class PictureFate(enum.Enum):
 
 class Reconstruction:
     """
-    Poses and points up to one similarity: the world is the camera of the first posed picture, lengths mean nothing in metres.
+    Poses and points up to one similarity: the world is the camera of the first posed picture, the unit the rms distance of the cameras from their middle.
     """
 
     @property
@@ -1492,27 +1492,27 @@ class Reconstruction:
         """PictureFate, one a picture."""
 
     @property
-    def points_in_world(self) -> object:
+    def points_in_world(self) -> NDArray[numpy.float64]:
         """(N, 3)."""
 
     @property
-    def greys(self) -> object:
+    def greys(self) -> NDArray[numpy.uint8]:
         """(N,) uint8, brightness of each point."""
 
     @property
-    def view_pictures(self) -> object:
+    def view_pictures(self) -> NDArray[numpy.int32]:
         """(M,) picture of each observation, grouped by point."""
 
     @property
-    def view_points(self) -> object:
+    def view_points(self) -> NDArray[numpy.int32]:
         """(M,) point of each observation, ascending."""
 
     @property
-    def view_px(self) -> object:
+    def view_px(self) -> NDArray[numpy.float32]:
         """(M, 2) pixel of each observation."""
 
     @property
-    def view_residuals_px(self) -> object:
+    def view_residuals_px(self) -> NDArray[numpy.float32]:
         """(M,) distance of each observation from its point, in the ideal camera."""
 
     @property

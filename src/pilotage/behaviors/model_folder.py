@@ -14,7 +14,7 @@ import yaml
 
 from pilotage import PictureFate, __version__
 from pilotage.atomic_files import write_atomically, write_each
-from pilotage.behaviors.reconstruct import FATE_WORDS, Reconstructed, reconstruct
+from pilotage.behaviors.reconstruct import FATE_WORDS, Reconstructed, read_greys, solve
 from pilotage.calibration.one_camera import camera_of_view, load_camera
 from pilotage.calibration.own import camera_values
 from pilotage.errors import InputError
@@ -61,9 +61,11 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
         raise InputError(f"{pictures}: holds no pictures; give a folder of them")
     camera = _camera_of(files, pictures, calibration, fov_deg)
     check_free(out, overwrite=overwrite)
-    _begin(out)
     start, start_cpu = time.perf_counter(), time.process_time()
-    found = reconstruct(files, camera=camera, ordered=ordered, config=config)
+    greys = read_greys(files, camera)
+    _begin(out)
+    names = [file.name for file in files]
+    found = solve(greys, names, camera=camera, ordered=ordered, config=config)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(pictures, found) | {"ordered": ordered} | cost
     model = coloured(found.model, {file.name: file for file in files})

@@ -61,23 +61,38 @@ def reconstruct(
     of very many pictures are compared. InputError names a picture that cannot be read or has
     another size. What cannot be solved is said in `fates`.
     """
+    greys = read_greys(pictures, camera)
+    return solve(greys, _names(pictures), camera=camera, ordered=ordered, config=config)
+
+
+def solve(
+    greys: Sequence[Grey],
+    names: Sequence[str],
+    *,
+    camera: Camera,
+    ordered: bool = True,
+    config: ReconstructionConfig | None = None,
+) -> Reconstructed:
+    """Return the model of pictures in memory, (height, width) uint8, called `names`."""
     from pilotage import ReconstructionConfig, _core
 
-    greys = _read(pictures, camera)
     result = _core.reconstruct(
-        pictures=greys,
+        pictures=list(greys),
         cameras=[camera],
         camera_of_picture=[0] * len(greys),
         is_ordered=ordered,
         config=config or ReconstructionConfig(),
     )
-    names = _names(pictures)
     return Reconstructed(
-        model=_model(names, camera, result), names=names, fates=tuple(result.fates), result=result
+        model=_model(names, camera, result),
+        names=tuple(names),
+        fates=tuple(result.fates),
+        result=result,
     )
 
 
-def _read(pictures: Sequence[Path], camera: Camera) -> list[Grey]:
+def read_greys(pictures: Sequence[Path], camera: Camera) -> list[Grey]:
+    """Return the pictures of files in grey; InputError names one that is not whole or not alike."""
     try:
         with ThreadPoolExecutor(max_workers=2) as pool:
             greys = list(pool.map(read_grey, pictures))
