@@ -193,7 +193,7 @@ def test_verb_leaves_a_folder_that_a_report_can_be_drawn_of(
 ) -> None:
     model = a_model()
     source = write_pictures(tmp_path / "walk", (*model.names, "9.jpg"))
-    monkeypatch.setattr(model_folder, "reconstruct", lambda *_, **__: reconstructed(model))
+    monkeypatch.setattr(model_folder, "solve", lambda *_, **__: reconstructed(model))
     said: list[str | None] = [None]
     monkeypatch.setattr("pilotage.cli.reconstruct.draw_report", lambda *_: said[0])
     out = tmp_path / "out"

@@ -55,7 +55,7 @@ def draw_cloud(model: Model, unit: str, *, is_ordered: bool) -> tuple[str, int]:
     ):
         shown = np.argsort(nearer, kind="stable")
         view = [0, upward]
-        _draw_points(place, points[shown][:, view], model.colors[shown])
+        _draw_points(place, points[shown][:, view], model.colors[shown] / 255.0)
         _draw_cameras(place, corners[:, :, view], is_ordered=is_ordered)
         place.set(
             title=title, xlim=limits[:, 0], ylim=limits[:, upward], facecolor=GROUND,
@@ -91,9 +91,7 @@ def _two_views(extent: Array) -> tuple[Figure, tuple[Axes, Axes]]:
 
 def _draw_points(axes: Axes, points: Array, colors: Array) -> None:
     area = float(np.clip(DOTS_PER_AREA / max(len(points), 1), *DOT_AREA))
-    axes.scatter(
-        points[:, 0], points[:, 1], s=area, c=colors / 255.0, linewidths=0, rasterized=True
-    )
+    axes.scatter(points[:, 0], points[:, 1], s=area, c=colors, linewidths=0, rasterized=True)
 
 
 def _draw_cameras(axes: Axes, corners: Array, *, is_ordered: bool) -> None:
@@ -101,7 +99,9 @@ def _draw_cameras(axes: Axes, corners: Array, *, is_ordered: bool) -> None:
     from matplotlib.collections import LineCollection
 
     axes.add_collection(
-        LineCollection(corners[:, OUTLINE], colors=RED, linewidths=0.8, label="cameras", zorder=3)
+        LineCollection(
+            list(corners[:, OUTLINE]), colors=RED, linewidths=0.8, label="cameras", zorder=3
+        )
     )
     if not is_ordered:
         return
