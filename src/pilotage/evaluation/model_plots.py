@@ -59,7 +59,7 @@ def draw_cloud(model: Model, unit: str, *, is_ordered: bool) -> tuple[str, int]:
         _draw_cameras(place, corners[:, :, view], is_ordered=is_ordered)
         place.set(
             title=title, xlim=limits[:, 0], ylim=limits[:, upward], facecolor=GROUND,
-            xlabel=f"along the way [{unit}]", ylabel=f"{name} [{unit}]",
+            xlabel=f"main direction [{unit}]", ylabel=f"{name} [{unit}]",
         )  # fmt: skip
         place.set_aspect("equal", adjustable="box")
     handles, names = axes[0].get_legend_handles_labels()
@@ -154,7 +154,7 @@ def draw_pictures(model: Model, names: list[str]) -> str:
 
     `names` are those of all pictures in their order; those without pose are marked.
     """
-    figure, (above, below) = _stacked()
+    figure, (above, below) = _stacked(3.6 if _are_short(names) else 4.5)
     place = {name: at for at, name in enumerate(names)}
     at = np.array([place[name] for name in model.names], dtype=int)
     counts = np.bincount(model.picture, minlength=len(model.names))
@@ -175,20 +175,27 @@ def draw_pictures(model: Model, names: list[str]) -> str:
     return svg_of(figure)
 
 
-def _stacked() -> tuple[Figure, tuple[Axes, Axes]]:
+def _stacked(height: float) -> tuple[Figure, tuple[Axes, Axes]]:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     return figure, (above, below)
 
 
 def _name_pictures(axes: Axes, names: list[str]) -> None:
-    """Write as many names below the axis as fit, upright where they are long."""
+    """Write as many names below the axis as fit, aslant where they are long."""
     stride = -(-len(names) // 14)
     at = range(0, len(names), stride)
     shown = [
         names[i] if len(names[i]) <= 24 else "\N{HORIZONTAL ELLIPSIS}" + names[i][-23:] for i in at
     ]
-    long = max((len(name) for name in shown), default=0) > 9
-    axes.set_xticks(list(at), shown, rotation=30 if long else 0, ha="right" if long else "center")
+    if _are_short(names):
+        axes.set_xticks(list(at), shown)
+    else:
+        axes.set_xticks(list(at), shown, rotation=30, ha="right")
+
+
+def _are_short(names: list[str]) -> bool:
+    """Tell whether names fit beside each other below an axis."""
+    return max((len(name) for name in names), default=0) <= 9
