@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotage import Camera, PictureFate, Transform
-from pilotage.behaviors.two_views import TwoViews, depth_errors, depths, refine_two_views
+from pilotage.behaviors.two_views import Rays, TwoViews, depth_errors, depths, refine_two_views
 from pilotage.errors import InputError
 from pilotage.recordings.pictures import PictureError, read_grey
 
@@ -23,8 +23,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# What two pictures need otherwise than a walk: points that only two show, also far ones.
-TWO_PICTURES: Mapping[str, float] = {"min_track_length": 2, "min_angle_deg": 0.25}
+# What two pictures need otherwise than a walk: points that only two show, also far ones, and
+# corners alone, for blobs look a little different from elsewhere, all in the same way.
+TWO_PICTURES: Mapping[str, Any] = {
+    "min_track_length": 2, "min_angle_deg": 0.25, "uses_dog": False,
+}  # fmt: skip
 BASELINE_M = (0.001, 1000.0)
 FEWEST = 20  # points; with less nothing shows that the motion is the true one
 SCARCE = 60  # points; with less the structure has holes
@@ -32,6 +35,11 @@ LEAST_SHARE = 0.5  # of what both pictures show must fit one motion
 WORST_DIRECTION_RAD = 0.3  # standard error of the motion's direction
 WORST_ERROR = 0.5  # of a depth, in parts of it: beyond, a point says next to nothing
 OUTLIER_SIGMA = 4.0
+# Matches are found again by patches of 13x13 pixels, the largest there are.
+HALF_WINDOW_PX = 6
+MOST_SHIFT_PX = 3.0
+LEAST_CORRELATION = 0.7
+FINEST_PX = 0.03  # no surface looks the same from elsewhere to less
 
 NO_PARALLAX = (
     "both pictures were taken from one place: the camera turned or stood",
@@ -113,10 +121,12 @@ def measure_depth(  # noqa: PLR0913, all by name
     pixels, pixels_in_second = _matches(found)
     if len(pixels) < max(FEWEST, LEAST_SHARE * found.track_count):
         return _refused(camera, *REFUSALS[PictureFate.not_connected])
-    first_rays, second_rays = _rays(camera, pixels), _rays(camera, pixels_in_second)
+    pixels, rays = _refined(greys, camera, pixels, pixels_in_second)
+    if len(pixels) < FEWEST:
+        return _refused(camera, *REFUSALS[PictureFate.not_connected])
     start = found.camera_from_world[1] @ found.camera_from_world[0].inverse()
-    views = refine_two_views(first_rays, second_rays, start)
-    return _measured(camera, pixels, first_rays, second_rays, views, baseline_m, baseline_sigma_m)
+    views = refine_two_views(rays, start)
+    return _measured(camera, pixels, rays, views, baseline_m, baseline_sigma_m)
 
 
 def two_picture_config() -> ReconstructionConfig:
@@ -141,18 +151,17 @@ def check_baseline(baseline_m: float, baseline_sigma_m: float) -> None:
 def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     camera: Camera,
     pixels: Array,
-    first: Array,
-    second: Array,
+    rays: Rays,
     views: TwoViews,
     baseline_m: float,
     baseline_sigma_m: float,
 ) -> Depth:
-    depth = depths(views.second_from_first, first, second)
-    of_pixel, of_motion = depth_errors(views, first, second)
+    depth = depths(views.second_from_first, rays)
+    of_pixel, of_motion = depth_errors(views, rays)
     of_baseline = depth * baseline_sigma_m / baseline_m
     sigma = np.sqrt(of_pixel**2 + of_motion**2 + of_baseline**2)
     fits = np.isfinite(depth) & (depth > 0)
-    fits &= np.abs(views.residual) < OUTLIER_SIGMA * views.sigma
+    fits &= np.abs(views.residual) < OUTLIER_SIGMA
     is_near = fits & (sigma < WORST_ERROR * depth)
     direction_sigma = math.sqrt(max(np.linalg.eigvalsh(views.covariance[3:, 3:])))
     if direction_sigma > WORST_DIRECTION_RAD or is_near.sum() < LEAST_SHARE * fits.sum():
@@ -162,16 +171,16 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     turned = views.second_from_first.matrix()
     turned[:3, 3] *= baseline_m
     depth_m, sigma_m = baseline_m * depth[is_near], baseline_m * sigma[is_near]
-    rays = first[is_near]
-    length = np.linalg.norm(rays, axis=1)
+    ahead = rays.first[is_near]
+    length = np.linalg.norm(ahead, axis=1)
     return Depth(
         second_from_first=Transform.from_matrix(turned),
-        points_m=rays * depth_m[:, None],
+        points_m=ahead * depth_m[:, None],
         pixels=pixels[is_near],
         distance_m=depth_m * length, depth_m=depth_m,
         distance_sigma_m=sigma_m * length, depth_sigma_m=sigma_m,
         camera=camera,
-        sigma_px=views.sigma * camera.fx_px,
+        sigma_px=views.scale * float(np.median(rays.sigma[is_near])) * camera.fx_px,
         warning=_warning(int(is_near.sum()), float(np.median(sigma_m / depth_m))),
     )  # fmt: skip
 
@@ -213,6 +222,31 @@ def _matches(found: Reconstruction) -> tuple[Array, Array]:
         place.append(rows)
     both = (place[0] >= 0) & (place[1] >= 0)
     return pixel[place[0][both]], pixel[place[1][both]]
+
+
+def _refined(
+    greys: list[Grey], camera: Camera, first: Array, second: Array
+) -> tuple[Array, Rays]:
+    """Return pixels and rays of matches found again to a tenth of a pixel, with their errors."""
+    from pilotage import _core
+
+    options = _core.SubpixelOptions()
+    options.half_width_px = options.half_height_px = HALF_WINDOW_PX
+    options.max_shift_px = MOST_SHIFT_PX
+    better = _core.refine_matches(
+        a=greys[0], points_in_a_px=first.astype(np.float32),
+        b=greys[1], guesses_in_b_px=second.astype(np.float32), options=options,
+    )  # fmt: skip
+    is_same = better["ok"].astype(bool) & (better["correlation"] > LEAST_CORRELATION)
+    pixels = np.ascontiguousarray(first[is_same])
+    found_px = better["position_px"][is_same].astype(np.float64)
+    sigma_px = np.maximum(better["sigma_px"][is_same].astype(np.float64), FINEST_PX)
+    rays = Rays(
+        first=_rays(camera, pixels),
+        second=_rays(camera, found_px),
+        sigma=sigma_px / (camera.fx_px, camera.fy_px),
+    )
+    return pixels, rays
 
 
 def _rays(camera: Camera, pixels: Array) -> Array:
