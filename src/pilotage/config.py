@@ -79,14 +79,17 @@ def load_config(path: Path | None = None, settings: Sequence[str] = ()) -> UserC
 
 
 def load_reconstruction_config(
-    path: Path | None = None, settings: Sequence[str] = ()
+    path: Path | None = None,
+    settings: Sequence[str] = (),
+    *,
+    base: ReconstructionConfig | None = None,
 ) -> ReconstructionConfig:
-    """Return a reconstruction's configuration; keys and errors as in `load_config`."""
+    """Return what the user changes of `base`, or of the defaults; errors as in `load_config`."""
     from pilotage import ReconstructionConfig
 
     sources = [] if path is None else [(_read(path), str(path))]
     sources += [(_parse(setting), f"--set {setting}") for setting in settings]
-    changes: dict[str, Any] = {}
+    changes: dict[str, Any] = {} if base is None else base.to_dict()
     for values, where in sources:
         _check(values, ReconstructionConfig, where, "")
         changes |= values

@@ -59,7 +59,7 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     files = list_pictures(pictures)
     if not files:
         raise InputError(f"{pictures}: holds no pictures; give a folder of them")
-    camera = _camera_of(files, pictures, calibration, fov_deg)
+    camera = camera_of(files, pictures, calibration, fov_deg)
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
     greys = read_greys(files, camera)
@@ -76,9 +76,10 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     return summary
 
 
-def _camera_of(
+def camera_of(
     files: list[Path], folder: Path, calibration: Path | None, fov_deg: float | None
 ) -> Camera:
+    """Return the camera of a folder's pictures: of a calibration, or of a field of view."""
     if calibration is not None and fov_deg is not None:
         raise InputError("--calibration and --fov-deg: give one of them")
     size_px = _size_of(files[0])

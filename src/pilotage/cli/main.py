@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from pilotage.cli.convert import convert
+from pilotage.cli.depth import depth
 from pilotage.cli.evaluate import evaluate
 from pilotage.cli.localize import localize
 from pilotage.cli.reconstruct import reconstruct
@@ -22,6 +23,7 @@ app = typer.Typer(
 )
 app.command()(localize)
 app.command()(reconstruct)
+app.command()(depth)
 app.command()(evaluate)
 app.command()(convert)
 app.command()(recover)
