@@ -33,6 +33,10 @@ FEWEST = 20  # points; with less nothing shows that the motion is the true one
 SCARCE = 60  # points; with less the structure has holes
 LEAST_SHARE = 0.5  # of what both pictures show must fit one motion
 WORST_DIRECTION_RAD = 0.3  # standard error of the motion's direction
+WORST_MEDIAN = 0.3  # relative error of the depths: beyond, the camera hardly moved
+ALIKE = 0.15  # relative difference of depths that confirm each other
+SAME_PX = 3.0
+CONFIRMING = 8  # nearest points, of which one must confirm a depth
 WORST_ERROR = 0.5  # of a depth, in parts of it: beyond, a point says next to nothing
 OUTLIER_SIGMA = 4.0
 # Matches are found again by patches of 13x13 pixels, the largest there are.
@@ -116,7 +120,8 @@ def measure_depth(  # noqa: PLR0913, all by name
         is_ordered=True,
         config=config or two_picture_config(),
     )
-    if any(fate is not PictureFate.posed for fate in found.fates):
+    poses = [pose for pose in found.camera_from_world if pose is not None]
+    if len(poses) < 2:
         return _refused(camera, *REFUSALS[_worst(found)])
     pixels, pixels_in_second = _matches(found)
     if len(pixels) < max(FEWEST, LEAST_SHARE * found.track_count):
@@ -124,8 +129,7 @@ def measure_depth(  # noqa: PLR0913, all by name
     pixels, rays = _refined(greys, camera, pixels, pixels_in_second)
     if len(pixels) < FEWEST:
         return _refused(camera, *REFUSALS[PictureFate.not_connected])
-    start = found.camera_from_world[1] @ found.camera_from_world[0].inverse()
-    views = refine_two_views(rays, start)
+    views = refine_two_views(rays, poses[1] @ poses[0].inverse())
     return _measured(camera, pixels, rays, views, baseline_m, baseline_sigma_m)
 
 
@@ -163,8 +167,14 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     fits = np.isfinite(depth) & (depth > 0)
     fits &= np.abs(views.residual) < OUTLIER_SIGMA
     is_near = fits & (sigma < WORST_ERROR * depth)
+    is_near &= _is_confirmed(pixels, depth, sigma, is_near)
     direction_sigma = math.sqrt(max(np.linalg.eigvalsh(views.covariance[3:, 3:])))
-    if direction_sigma > WORST_DIRECTION_RAD or is_near.sum() < LEAST_SHARE * fits.sum():
+    is_sure = is_near.any() and np.median((sigma / depth)[is_near]) < WORST_MEDIAN
+    if (
+        not is_sure
+        or direction_sigma > WORST_DIRECTION_RAD
+        or is_near.sum() < LEAST_SHARE * fits.sum()
+    ):
         return _refused(camera, *NO_PARALLAX)
     if is_near.sum() < FEWEST:
         return _refused(camera, *REFUSALS[PictureFate.not_connected])
@@ -183,6 +193,21 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
         sigma_px=views.scale * float(np.median(rays.sigma[is_near])) * camera.fx_px,
         warning=_warning(int(is_near.sum()), float(np.median(sigma_m / depth_m))),
     )  # fmt: skip
+
+
+def _is_confirmed(pixels: Array, depth: Array, sigma: Array, is_near: Array) -> Array:
+    """Tell of each point (N,) whether one of its neighbours has such a depth: wrong matches have
+    any, and along the motion nothing else shows them."""
+    rows = np.flatnonzero(is_near)
+    confirmed = np.zeros(len(pixels), bool)
+    for row in rows:
+        away = np.abs(pixels[rows] - pixels[row]).max(axis=1)
+        # Two detections of one thing share their fault.
+        others = rows[np.argsort(np.where(away < SAME_PX, np.inf, away), kind="stable")]
+        others = others[:CONFIRMING]
+        bound = np.maximum(ALIKE * depth[row], 2 * np.hypot(sigma[row], sigma[others]))
+        confirmed[row] = bool((np.abs(depth[others] - depth[row]) < bound).any())
+    return confirmed
 
 
 def _warning(count: int, relative_error: float) -> str:
@@ -217,16 +242,14 @@ def _matches(found: Reconstruction) -> tuple[Array, Array]:
     pixel = np.asarray(found.view_px, dtype=np.float64)
     place: list[Any] = []
     for number in range(2):
-        rows = np.full(len(found.points_in_world), -1)
+        rows = np.full(point.max(initial=-1) + 1, -1)
         rows[point[picture == number]] = np.flatnonzero(picture == number)
         place.append(rows)
     both = (place[0] >= 0) & (place[1] >= 0)
     return pixel[place[0][both]], pixel[place[1][both]]
 
 
-def _refined(
-    greys: list[Grey], camera: Camera, first: Array, second: Array
-) -> tuple[Array, Rays]:
+def _refined(greys: list[Grey], camera: Camera, first: Array, second: Array) -> tuple[Array, Rays]:
     """Return pixels and rays of matches found again to a tenth of a pixel, with their errors."""
     from pilotage import _core
 

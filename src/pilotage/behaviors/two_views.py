@@ -124,7 +124,7 @@ def _slopes(function: Any, rotation: Array, direction: Array, rays: Rays) -> Arr
 
 def _solve(jacobian: Array, weight: Array, residual: Array) -> Array:
     weighted = jacobian * weight[:, None]
-    return np.linalg.lstsq(weighted.T @ jacobian, weighted.T @ residual, rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(weighted.T @ jacobian, weighted.T @ residual, rcond=None)[0])
 
 
 def _covariance(slopes: Array, residual: Array, scale: float, first: Array) -> Array:
@@ -148,8 +148,8 @@ def _spread(residual: Array) -> float:
 
 def _moved(rotation: Array, direction: Array, step: Array) -> tuple[Array, Array]:
     turn = Transform.exp(np.concatenate([np.zeros(3), step[:3]])).matrix()[:3, :3]
-    across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-    across /= np.linalg.norm(across)
+    across: Array = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    across = across / np.linalg.norm(across)
     moved = direction + step[3] * across + step[4] * np.cross(direction, across)
     return turn @ rotation, moved / np.linalg.norm(moved)
 
