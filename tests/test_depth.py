@@ -67,7 +67,7 @@ class Scene:
     def _pose(up_m: float, turn: tuple[float, float, float]) -> np.ndarray:
         pose = np.eye(4)
         turned = Transform.exp(np.array([0, 0, 0, *turn], dtype=float)).matrix()[:3, :3]
-        pose[:3, :3], pose[:3, 3] = AHEAD @ turned, EYE_M + (0, 0, up_m)
+        pose[:3, :3], pose[:3, 3] = AHEAD @ turned, EYE_M + np.array([0, 0, up_m])
         return pose
 
 

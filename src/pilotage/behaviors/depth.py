@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotage import Camera, PictureFate, Transform
+from pilotage.behaviors.depth_refusals import REFUSALS, cause_of
 from pilotage.behaviors.two_views import Rays, TwoViews, depth_errors, depths, refine_two_views
 from pilotage.errors import InputError
 from pilotage.recordings.pictures import PictureError, read_grey
@@ -44,26 +45,6 @@ HALF_WINDOW_PX = 6
 MOST_SHIFT_PX = 3.0
 LEAST_CORRELATION = 0.7
 FINEST_PX = 0.03  # no surface looks the same from elsewhere to less
-
-NO_PARALLAX = (
-    "both pictures were taken from one place: the camera turned or stood",
-    "move the camera itself, up, down or sideways, a tenth of what it looks at or more",
-)
-REFUSALS: Mapping[PictureFate, tuple[str, str]] = {
-    PictureFate.few_features: (
-        "the pictures show hardly any detail",
-        "look at something with texture, with more light and less motion",
-    ),
-    PictureFate.no_matches: (
-        "the pictures show nothing in common, or only what repeats itself",
-        "take both of the same things, from places nearer to each other",
-    ),
-    PictureFate.no_parallax: NO_PARALLAX,
-    PictureFate.not_connected: (
-        "too little of what both pictures show fits one motion of the camera",
-        "let nothing move between the two, and check the calibration",
-    ),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,13 +103,13 @@ def measure_depth(  # noqa: PLR0913, all by name
     )
     poses = [pose for pose in found.camera_from_world if pose is not None]
     if len(poses) < 2:
-        return _refused(camera, *REFUSALS[_worst(found)])
+        return _refused(camera, cause_of(_worst(found), greys, camera))
     pixels, pixels_in_second = _matches(found)
     if len(pixels) < max(FEWEST, LEAST_SHARE * found.track_count):
-        return _refused(camera, *REFUSALS[PictureFate.not_connected])
+        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
     pixels, rays = _refined(greys, camera, pixels, pixels_in_second)
     if len(pixels) < FEWEST:
-        return _refused(camera, *REFUSALS[PictureFate.not_connected])
+        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
     views = refine_two_views(rays, poses[1] @ poses[0].inverse())
     return _measured(camera, pixels, rays, views, baseline_m, baseline_sigma_m)
 
@@ -175,9 +156,9 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
         or direction_sigma > WORST_DIRECTION_RAD
         or is_near.sum() < LEAST_SHARE * fits.sum()
     ):
-        return _refused(camera, *NO_PARALLAX)
+        return _refused(camera, PictureFate.no_parallax)
     if is_near.sum() < FEWEST:
-        return _refused(camera, *REFUSALS[PictureFate.not_connected])
+        return _refused(camera, PictureFate.not_connected)
     turned = views.second_from_first.matrix()
     turned[:3, 3] *= baseline_m
     depth_m, sigma_m = baseline_m * depth[is_near], baseline_m * sigma[is_near]
@@ -195,7 +176,9 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     )  # fmt: skip
 
 
-def _is_confirmed(pixels: Array, depth: Array, sigma: Array, is_near: Array) -> Array:
+def _is_confirmed(
+    pixels: Array, depth: Array, sigma: Array, is_near: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """Tell of each point (N,) whether one of its neighbours has such a depth: wrong matches have
     any, and along the motion nothing else shows them."""
     rows = np.flatnonzero(is_near)
@@ -221,7 +204,8 @@ def _warning(count: int, relative_error: float) -> str:
     return ""
 
 
-def _refused(camera: Camera, reason: str, remedy: str) -> Depth:
+def _refused(camera: Camera, fate: PictureFate) -> Depth:
+    reason, remedy = REFUSALS[fate]
     none = np.empty(0)
     return Depth(
         second_from_first=None, points_m=np.empty((0, 3)), pixels=np.empty((0, 2)),
