@@ -159,7 +159,8 @@ def merged(tracks: dict[str, Track], keys: list[str]) -> list[Tracked]:
 
 def truth_at(times_ns: list[int], tracks: dict[str, Track]) -> np.ndarray[Any, Any]:
     """Return the true poses (N, 4, 4) of the pictures nearest in time."""
-    known, truths = merged(tracks, ["live"] * len(tracks)), [track.truth for track in tracks.values()]
+    known = merged(tracks, ["live"] * len(tracks))
+    truths = [track.truth for track in tracks.values()]
     stamps = np.array([one.result.timestamp_ns for one in known])
     after = np.clip(np.searchsorted(stamps, times_ns), 1, len(stamps) - 1)
     is_before = np.abs(stamps[after - 1] - times_ns) < np.abs(stamps[after] - times_ns)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotage import Camera, PictureFate, Transform
+from pilotage.behaviors.depth_refusals import REFUSALS, cause_of
 from pilotage.behaviors.two_views import Rays, TwoViews, depth_errors, depths, refine_two_views
 from pilotage.errors import InputError
 from pilotage.recordings.pictures import PictureError, read_grey
@@ -33,6 +34,10 @@ FEWEST = 20  # points; with less nothing shows that the motion is the true one
 SCARCE = 60  # points; with less the structure has holes
 LEAST_SHARE = 0.5  # of what both pictures show must fit one motion
 WORST_DIRECTION_RAD = 0.3  # standard error of the motion's direction
+WORST_MEDIAN = 0.3  # relative error of the depths: beyond, the camera hardly moved
+ALIKE = 0.15  # relative difference of depths that confirm each other
+SAME_PX = 3.0
+CONFIRMING = 8  # nearest points, of which one must confirm a depth
 WORST_ERROR = 0.5  # of a depth, in parts of it: beyond, a point says next to nothing
 OUTLIER_SIGMA = 4.0
 # Matches are found again by patches of 13x13 pixels, the largest there are.
@@ -40,26 +45,6 @@ HALF_WINDOW_PX = 6
 MOST_SHIFT_PX = 3.0
 LEAST_CORRELATION = 0.7
 FINEST_PX = 0.03  # no surface looks the same from elsewhere to less
-
-NO_PARALLAX = (
-    "both pictures were taken from one place: the camera turned or stood",
-    "move the camera itself, up, down or sideways, a tenth of what it looks at or more",
-)
-REFUSALS: Mapping[PictureFate, tuple[str, str]] = {
-    PictureFate.few_features: (
-        "the pictures show hardly any detail",
-        "look at something with texture, with more light and less motion",
-    ),
-    PictureFate.no_matches: (
-        "the pictures show nothing in common, or only what repeats itself",
-        "take both of the same things, from places nearer to each other",
-    ),
-    PictureFate.no_parallax: NO_PARALLAX,
-    PictureFate.not_connected: (
-        "too little of what both pictures show fits one motion of the camera",
-        "let nothing move between the two, and check the calibration",
-    ),
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,16 +101,16 @@ def measure_depth(  # noqa: PLR0913, all by name
         is_ordered=True,
         config=config or two_picture_config(),
     )
-    if any(fate is not PictureFate.posed for fate in found.fates):
-        return _refused(camera, *REFUSALS[_worst(found)])
+    poses = [pose for pose in found.camera_from_world if pose is not None]
+    if len(poses) < 2:
+        return _refused(camera, cause_of(_worst(found), greys, camera))
     pixels, pixels_in_second = _matches(found)
     if len(pixels) < max(FEWEST, LEAST_SHARE * found.track_count):
-        return _refused(camera, *REFUSALS[PictureFate.not_connected])
+        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
     pixels, rays = _refined(greys, camera, pixels, pixels_in_second)
     if len(pixels) < FEWEST:
-        return _refused(camera, *REFUSALS[PictureFate.not_connected])
-    start = found.camera_from_world[1] @ found.camera_from_world[0].inverse()
-    views = refine_two_views(rays, start)
+        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
+    views = refine_two_views(rays, poses[1] @ poses[0].inverse())
     return _measured(camera, pixels, rays, views, baseline_m, baseline_sigma_m)
 
 
@@ -163,11 +148,17 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     fits = np.isfinite(depth) & (depth > 0)
     fits &= np.abs(views.residual) < OUTLIER_SIGMA
     is_near = fits & (sigma < WORST_ERROR * depth)
+    is_near &= _is_confirmed(pixels, depth, sigma, is_near)
     direction_sigma = math.sqrt(max(np.linalg.eigvalsh(views.covariance[3:, 3:])))
-    if direction_sigma > WORST_DIRECTION_RAD or is_near.sum() < LEAST_SHARE * fits.sum():
-        return _refused(camera, *NO_PARALLAX)
+    is_sure = is_near.any() and np.median((sigma / depth)[is_near]) < WORST_MEDIAN
+    if (
+        not is_sure
+        or direction_sigma > WORST_DIRECTION_RAD
+        or is_near.sum() < LEAST_SHARE * fits.sum()
+    ):
+        return _refused(camera, PictureFate.no_parallax)
     if is_near.sum() < FEWEST:
-        return _refused(camera, *REFUSALS[PictureFate.not_connected])
+        return _refused(camera, PictureFate.not_connected)
     turned = views.second_from_first.matrix()
     turned[:3, 3] *= baseline_m
     depth_m, sigma_m = baseline_m * depth[is_near], baseline_m * sigma[is_near]
@@ -185,6 +176,23 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     )  # fmt: skip
 
 
+def _is_confirmed(
+    pixels: Array, depth: Array, sigma: Array, is_near: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Tell of each point (N,) whether one of its neighbours has such a depth: wrong matches have
+    any, and along the motion nothing else shows them."""
+    rows = np.flatnonzero(is_near)
+    confirmed = np.zeros(len(pixels), bool)
+    for row in rows:
+        away = np.abs(pixels[rows] - pixels[row]).max(axis=1)
+        # Two detections of one thing share their fault.
+        others = rows[np.argsort(np.where(away < SAME_PX, np.inf, away), kind="stable")]
+        others = others[:CONFIRMING]
+        bound = np.maximum(ALIKE * depth[row], 2 * np.hypot(sigma[row], sigma[others]))
+        confirmed[row] = bool((np.abs(depth[others] - depth[row]) < bound).any())
+    return confirmed
+
+
 def _warning(count: int, relative_error: float) -> str:
     if count < SCARCE:
         return f"only {count} points: much of the picture has no depth; more light or detail helps"
@@ -196,7 +204,8 @@ def _warning(count: int, relative_error: float) -> str:
     return ""
 
 
-def _refused(camera: Camera, reason: str, remedy: str) -> Depth:
+def _refused(camera: Camera, fate: PictureFate) -> Depth:
+    reason, remedy = REFUSALS[fate]
     none = np.empty(0)
     return Depth(
         second_from_first=None, points_m=np.empty((0, 3)), pixels=np.empty((0, 2)),
@@ -217,16 +226,14 @@ def _matches(found: Reconstruction) -> tuple[Array, Array]:
     pixel = np.asarray(found.view_px, dtype=np.float64)
     place: list[Any] = []
     for number in range(2):
-        rows = np.full(len(found.points_in_world), -1)
+        rows = np.full(point.max(initial=-1) + 1, -1)
         rows[point[picture == number]] = np.flatnonzero(picture == number)
         place.append(rows)
     both = (place[0] >= 0) & (place[1] >= 0)
     return pixel[place[0][both]], pixel[place[1][both]]
 
 
-def _refined(
-    greys: list[Grey], camera: Camera, first: Array, second: Array
-) -> tuple[Array, Rays]:
+def _refined(greys: list[Grey], camera: Camera, first: Array, second: Array) -> tuple[Array, Rays]:
     """Return pixels and rays of matches found again to a tenth of a pixel, with their errors."""
     from pilotage import _core
 

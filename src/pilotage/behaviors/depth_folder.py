@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 TABLE, PICTURE = "depth.csv", "depth.png"
 COLUMNS = "x_px,y_px,depth_m,depth_sigma_m,distance_m,distance_sigma_m"
 OBSTACLES_SHOWN = 20
+HIGHEST_M = 100.0
 
 
 def depth_folder(  # noqa: PLR0913, all by name
@@ -53,6 +54,10 @@ def depth_folder(  # noqa: PLR0913, all by name
     `fov_deg`. InputError for what cannot be a call, RunError where a file cannot be written.
     """
     check_baseline(baseline_m, baseline_sigma_m)
+    if camera_height_m is not None and not 0 < camera_height_m <= HIGHEST_M:
+        raise InputError(
+            f"height of the camera {camera_height_m:g} m: must be over 0, to {HIGHEST_M:g}"
+        )
     camera = camera_of([first], first.parent, calibration, fov_deg)
     for x, y in at:
         if not (0 <= x <= camera.width_px - 1 and 0 <= y <= camera.height_px - 1):

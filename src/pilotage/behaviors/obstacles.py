@@ -11,7 +11,7 @@ import numpy as np
 from pilotage.behaviors.depth import Array, Depth
 from pilotage.errors import InputError
 
-NEAR_SHARE = 0.06  # of the picture's diagonal: points further away say nothing of a pixel
+NEAR_SHARE = 0.04  # of the picture's diagonal: points further away say nothing of a pixel
 NEIGHBOURS = 8
 CLOSE_PX = 4.0  # a point nearer than this is not nearer still
 STEEPEST = 0.02  # of inverse depth, in parts of it per pixel: what slopes are held towards
@@ -138,8 +138,8 @@ def find_ground(
 def find_obstacles(depth: Depth, ground: Ground) -> list[Obstacle]:
     """Return what stands out of the ground by more than 5 cm, nearest first."""
     height = _heights(ground, depth.points_m)
-    distrust = CERTAIN_SIGMA * depth.depth_sigma_m * np.abs(
-        depth.points_m @ ground.up / depth.depth_m
+    distrust = (
+        CERTAIN_SIGMA * depth.depth_sigma_m * np.abs(depth.points_m @ ground.up / depth.depth_m)
     )
     stands = np.flatnonzero(height > STANDS_OUT_M + distrust)
     ahead = np.array([0.0, 0.0, 1.0]) - ground.up * ground.up[2]

@@ -122,16 +122,17 @@ def _slopes(function: Any, rotation: Array, direction: Array, rays: Rays) -> Arr
     return np.stack(columns, axis=1)
 
 
-def _solve(jacobian: Array, weight: Array, residual: Array) -> Array:
-    weighted = jacobian * weight[:, None]
-    return np.linalg.lstsq(weighted.T @ jacobian, weighted.T @ residual, rcond=None)[0]
+def _solve(slopes: Array, weight: Array, residual: Array) -> Array:
+    weighted = slopes * weight[:, None]
+    return np.asarray(np.linalg.lstsq(weighted.T @ slopes, weighted.T @ residual, rcond=None)[0])
 
 
 def _covariance(slopes: Array, residual: Array, scale: float, first: Array) -> Array:
     """Return the covariance of an M-estimate, the larger of what all points and cells say."""
     weight = (TAIL + 1) / (TAIL + residual**2)
-    bend = np.mean(weight * (TAIL - residual**2) / (TAIL + residual**2)) / np.mean(weight)
-    inverse = np.linalg.pinv((slopes * weight[:, None]).T @ slopes) / max(bend, 0.1)
+    bent = weight * (TAIL - residual**2) / (TAIL + residual**2)
+    bend = max(float(bent.mean() / weight.mean()), 0.1)
+    inverse = np.linalg.pinv((slopes * weight[:, None]).T @ slopes) / bend
     pulls = slopes * (weight * residual * scale)[:, None]
     low, high = first[:, :2].min(axis=0), first[:, :2].max(axis=0)
     cell = np.floor(CELLS * (first[:, :2] - low) / (high - low + 1e-9)).astype(int)
@@ -148,8 +149,8 @@ def _spread(residual: Array) -> float:
 
 def _moved(rotation: Array, direction: Array, step: Array) -> tuple[Array, Array]:
     turn = Transform.exp(np.concatenate([np.zeros(3), step[:3]])).matrix()[:3, :3]
-    across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-    across /= np.linalg.norm(across)
+    across: Array = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    across = across / np.linalg.norm(across)
     moved = direction + step[3] * across + step[4] * np.cross(direction, across)
     return turn @ rotation, moved / np.linalg.norm(moved)
 

@@ -32,9 +32,7 @@ def depth(  # noqa: PLR0913, PLR0917, an argument for each option
             metavar="X,Y", help="Say the distance of what this pixel shows; may be repeated."
         ),
     ] = None,
-    baseline_sigma_m: Annotated[
-        float, typer.Option(help="Standard error of the baseline.")
-    ] = 0.0,
+    baseline_sigma_m: Annotated[float, typer.Option(help="Standard error of the baseline.")] = 0.0,
     camera_height_m: Annotated[
         float | None,
         typer.Option(help="Of the first picture's camera, where known.", show_default=False),
@@ -105,6 +103,6 @@ def _conclude(summary: dict[str, Any], out: Path) -> None:
             typer.echo(f"{name}: {place['distance_m']:.3f} m +- {place['sigma_m']:.3f} m")
     typer.echo(
         f"{summary['points']} points, depth {summary['median_depth_m']:.2f} m in the median, known"
-        f" to {100 * summary['median_relative_sigma']:.1f} %, {len(summary['obstacles'])} obstacles,"
-        f" {summary['wall_s']:.1f} s; {out / 'depth.png'}"
+        f" to {100 * summary['median_relative_sigma']:.1f} %,"
+        f" {len(summary['obstacles'])} obstacles, {summary['wall_s']:.1f} s; {out / 'depth.png'}"
     )
