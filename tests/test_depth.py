@@ -244,6 +244,7 @@ def test_the_program_says_why_it_refuses(files: Path, tmp_path: Path):
         (["--baseline-m", "0.1", "--at", "nan,0"], "outside the picture"),
         (["--baseline-m", "0.1", "--at", "left"], "must be X,Y"),
         (["--baseline-m", "0.1", "--set", "wings=2"], "unknown key wings"),
+        (["--baseline-m", "0.1", "--set", "min_track_length=3"], "must be 2 for two pictures"),
         (["--baseline-m", "0.1", "--camera-height-m", "-1"], "height of the camera"),
     ],
 )

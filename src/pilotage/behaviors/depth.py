@@ -93,13 +93,16 @@ def measure_depth(  # noqa: PLR0913, all by name
     from pilotage import _core
 
     check_baseline(baseline_m, baseline_sigma_m)
+    config = config or two_picture_config()
+    if int(str(config.min_track_length)) > 2:
+        raise InputError(f"min_track_length {config.min_track_length}: must be 2 for two pictures")
     greys = [_grey(picture, camera) for picture in (first, second)]
     found = _core.reconstruct(
         pictures=greys,
         cameras=[camera],
         camera_of_picture=[0, 0],
         is_ordered=True,
-        config=config or two_picture_config(),
+        config=config,
     )
     poses = [pose for pose in found.camera_from_world if pose is not None]
     if len(poses) < 2:
