@@ -42,12 +42,10 @@ class Scene:
 
     def truth(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return depths of pixels, and which show no edge."""
-        _, _, footprint, _ = self.renderer._cast(self._pose(0.0, (0, 0, 0)))
         inverse = self.inverse_depth()
         x, y = np.rint(2 * pixels).astype(int).T
         window = np.ones((9, 9), np.uint8)
         far, near = cv2.erode(inverse, window)[y, x], cv2.dilate(inverse, window)[y, x]
-        assert footprint.shape == inverse.shape
         return 1 / inverse[y, x], near / far < 1.1
 
     def inverse_depth(self) -> np.ndarray:
