@@ -42,12 +42,10 @@ class Scene:
 
     def truth(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return depths of pixels, and which show no edge."""
-        _, _, footprint, _ = self.renderer._cast(self._pose(0.0, (0, 0, 0)))
         inverse = self.inverse_depth()
         x, y = np.rint(2 * pixels).astype(int).T
         window = np.ones((9, 9), np.uint8)
         far, near = cv2.erode(inverse, window)[y, x], cv2.dilate(inverse, window)[y, x]
-        assert footprint.shape == inverse.shape
         return 1 / inverse[y, x], near / far < 1.1
 
     def inverse_depth(self) -> np.ndarray:
@@ -244,6 +242,7 @@ def test_the_program_says_why_it_refuses(files: Path, tmp_path: Path):
         (["--baseline-m", "0.1", "--at", "nan,0"], "outside the picture"),
         (["--baseline-m", "0.1", "--at", "left"], "must be X,Y"),
         (["--baseline-m", "0.1", "--set", "wings=2"], "unknown key wings"),
+        (["--baseline-m", "0.1", "--set", "min_track_length=3"], "must be 2 for two pictures"),
         (["--baseline-m", "0.1", "--camera-height-m", "-1"], "height of the camera"),
     ],
 )

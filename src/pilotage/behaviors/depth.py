@@ -93,13 +93,16 @@ def measure_depth(  # noqa: PLR0913, all by name
     from pilotage import _core
 
     check_baseline(baseline_m, baseline_sigma_m)
+    config = config or two_picture_config()
+    if int(str(config.min_track_length)) > 2:
+        raise InputError(f"min_track_length {config.min_track_length}: must be 2 for two pictures")
     greys = [_grey(picture, camera) for picture in (first, second)]
     found = _core.reconstruct(
         pictures=greys,
         cameras=[camera],
         camera_of_picture=[0, 0],
         is_ordered=True,
-        config=config or two_picture_config(),
+        config=config,
     )
     poses = [pose for pose in found.camera_from_world if pose is not None]
     if len(poses) < 2:
@@ -183,13 +186,13 @@ def _is_confirmed(
     any, and along the motion nothing else shows them."""
     rows = np.flatnonzero(is_near)
     confirmed = np.zeros(len(pixels), bool)
-    for row in rows:
-        away = np.abs(pixels[rows] - pixels[row]).max(axis=1)
-        # Two detections of one thing share their fault.
-        others = rows[np.argsort(np.where(away < SAME_PX, np.inf, away), kind="stable")]
-        others = others[:CONFIRMING]
-        bound = np.maximum(ALIKE * depth[row], 2 * np.hypot(sigma[row], sigma[others]))
-        confirmed[row] = bool((np.abs(depth[others] - depth[row]) < bound).any())
+    at, value, error = pixels[rows], depth[rows], sigma[rows]
+    away = np.maximum(*(np.abs(at[:, None, axis] - at[:, axis]) for axis in range(2)))
+    away[away < SAME_PX] = np.inf  # two detections of one thing share their fault
+    count = min(CONFIRMING, len(rows))
+    others = np.argpartition(away, count - 1, axis=1)[:, :count] if count else away.astype(int)
+    bound = np.maximum(ALIKE * value[:, None], 2 * np.hypot(error[:, None], error[others]))
+    confirmed[rows] = (np.abs(value[others] - value[:, None]) < bound).any(axis=1)
     return confirmed
 
 

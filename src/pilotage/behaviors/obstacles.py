@@ -12,8 +12,11 @@ from pilotage.behaviors.depth import Array, Depth
 from pilotage.errors import InputError
 
 NEAR_SHARE = 0.04  # of the picture's diagonal: points further away say nothing of a pixel
+NEAREST_SHARE = 0.02  # the nearest one must be nearer than this
 NEIGHBOURS = 8
+PER_PX = 0.005  # relative error for each pixel to the nearest point: there may be an edge between
 CLOSE_PX = 4.0  # a point nearer than this is not nearer still
+JUMP = 0.25  # relative differences of inverse depth beyond this are an edge
 STEEPEST = 0.02  # of inverse depth, in parts of it per pixel: what slopes are held towards
 
 DOWN = (0.0, 1.0, 0.0)  # in an upright camera
@@ -73,14 +76,16 @@ def distance_at(depth: Depth, pixel: tuple[float, float]) -> PixelDistance:
         raise InputError(
             f"pixel {at[0]:g},{at[1]:g}: outside the picture, {camera.width_px}x{camera.height_px}"
         )
+    diagonal = math.hypot(camera.width_px, camera.height_px)
     away = np.linalg.norm(depth.pixels - at, axis=1)
     nearest = np.argsort(away, kind="stable")[:NEIGHBOURS]
-    nearest = nearest[away[nearest] < NEAR_SHARE * math.hypot(camera.width_px, camera.height_px)]
-    if len(nearest) < 2 and not (len(nearest) and away[nearest[0]] < CLOSE_PX):
+    nearest = nearest[away[nearest] < NEAR_SHARE * diagonal]
+    if not len(nearest) or away[nearest[0]] > NEAREST_SHARE * diagonal:
         return PixelDistance(
             distance_m=None, sigma_m=None, reason="nothing was measured near this pixel"
         )
     inverse, sigma = _inverse_depth(depth, at, nearest, away[nearest])
+    sigma = math.hypot(sigma, PER_PX * float(away[nearest[0]]) * inverse)
     if inverse <= CERTAIN_SIGMA * sigma:
         return PixelDistance(
             distance_m=None, sigma_m=None, reason="the points near this pixel contradict each other"
@@ -104,6 +109,9 @@ def _inverse_depth(depth: Depth, at: Array, near: Array, away: Array) -> tuple[f
     inverse = float(share @ value)
     fitted = design @ np.linalg.solve(normal, (design * weight[:, None]).T @ value)
     scatter = float(np.sqrt(weight @ (value - fitted) ** 2))
+    middle = float(np.median(value))
+    if np.ptp(value) > JUMP * middle:  # neighbours on two things: either may be what is seen
+        scatter = max(scatter, float(np.sqrt(np.mean((value - middle) ** 2))))
     # The motion's error is common to all of them: their mean is no better than one of them.
     return inverse, math.hypot(float(np.abs(share) @ sigma / np.abs(share).sum()), scatter)
 
