@@ -73,7 +73,7 @@ BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options)
   BundleResult result;
   take_statistics(problem, options.loss, result);
   result.initial_cost = result.final_cost;
-  if (result.residuals == 0 && !problem.prior) return result;
+  if (result.residuals == 0 && !problem.prior && problem.links.empty()) return result;
 
   // 2. Until the cost stays: weigh the residuals, linearise, eliminate the points one by one, solve
   //    for poses and offset, substitute back into the points, keep the step if it helped.

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "estimation/pose_link.hpp"
 #include "estimation/robust_loss.hpp"
 #include "geometry/camera.hpp"
 
@@ -37,6 +38,7 @@ struct BundleProblem {
   std::vector<Eigen::Vector3d> points_in_world;
   std::vector<StereoObservation> observations;
   std::optional<PosePrior> prior;  ///< on the first frames
+  std::vector<PoseLink> links;     ///< between any frames; one need not see a point
   /// Constant error of the right picture in x (adds to the predicted right_x), an unknown if asked.
   double right_x_offset_px = 0;
   bool right_x_offset_is_free = false;
@@ -89,7 +91,7 @@ BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options)
 /// BundleResult::pose_covariances of a problem whose poses and points are adjusted already.
 std::vector<Matrix6d> pose_covariances(const BundleProblem& problem, const BundleOptions& options);
 
-/// Removes frame 0 and every point it sees from the problem; what they said about the other poses
+/// Removes frame 0 and every point it sees from the problem (without links); what they said about the other poses
 /// becomes the new prior (replacing the old one, which is folded in), linearised where the poses
 /// are now, with robust weights of now. Call it on an adjusted problem. If frame 0 was fixed, the
 /// others are then known relative to it. A free offset is eliminated: what was learnt of it is

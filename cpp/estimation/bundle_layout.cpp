@@ -75,6 +75,24 @@ void check_observations(const BundleProblem& problem) {
   }
 }
 
+void check_links(const BundleProblem& problem) {
+  const int frames = static_cast<int>(problem.world_from_left.size());
+  for (const PoseLink& link : problem.links) {
+    for (const int end : {link.a, link.b}) {
+      require(end >= 0 && end < frames && link.a != link.b, [&] {
+        return "link from frame " + std::to_string(link.a) + " to " + std::to_string(link.b) +
+               ": must be two of 0 to " + std::to_string(frames - 1);
+      });
+    }
+    require(link.a_from_b.translation.allFinite() && link.a_from_b.rotation.coeffs().allFinite() &&
+                link.information.allFinite(),
+            [&] {
+              return "link from frame " + std::to_string(link.a) + " to " + std::to_string(link.b) +
+                     " is not finite";
+            });
+  }
+}
+
 void check(const BundleProblem& problem) {
   const std::size_t frames = problem.world_from_left.size();
   require(problem.pose_is_fixed.size() == frames, [&] {
@@ -83,6 +101,7 @@ void check(const BundleProblem& problem) {
   });
   check_values(problem);
   check_observations(problem);
+  check_links(problem);
   if (problem.prior) check_prior(*problem.prior, frames);
 }
 
@@ -176,6 +195,10 @@ BundleLayout::BundleLayout(const BundleProblem& problem) {
     builder.add(poses, point_start[p + 1] - point_start[p]);
   }
   builder.close();
+  for (const PoseLink& link : problem.links) {
+    const auto [top, bottom] = std::minmax(free_index[link.a], free_index[link.b]);
+    if (top >= 0) first_row[bottom] = std::min(first_row[bottom], top);
+  }
   if (!problem.prior) return;
   for (std::size_t f = 0; f < problem.prior->world_from_left.size(); ++f) {
     if (free_index[f] >= 0) first_row[free_index[f]] = 0;

@@ -132,6 +132,7 @@ BundleStatistics compute_statistics(const BundleProblem& problem, RobustLoss los
   statistics.sigma0 = sigma_from(components, unknowns);
   statistics.unit_variance = unit_variance.value(unknowns);
   if (problem.prior) statistics.cost += PriorTerm(*problem.prior).cost(problem.world_from_left);
+  statistics.cost += link_cost(problem.links, problem.world_from_left);
   return statistics;
 }
 

@@ -11,7 +11,7 @@ double robust_cost(RobustLoss loss, double normalised);
 
 /// How the observations of a problem fit its poses and points as they are.
 struct BundleStatistics {
-  double cost = 0;    ///< robust, half sum of squares, prior included
+  double cost = 0;    ///< robust, half sum of squares, prior and links included
   int residuals = 0;  ///< numbers that could be predicted
   double sigma0 = 1;
   double unit_variance = 1;

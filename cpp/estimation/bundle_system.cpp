@@ -108,6 +108,30 @@ void BundleSystem::add_prior(const BundleState& state) {
   cost_ += prior_->cost(state.world_from_left);
 }
 
+void BundleSystem::add_links(const BundleState& state) {
+  for (const PoseLink& link : problem_.links) {
+    const LinearizedLink at =
+        linearize_link(link, state.world_from_left[link.a], state.world_from_left[link.b]);
+    const int ends[2] = {layout_.free_index[link.a], layout_.free_index[link.b]};
+    const Matrix6d* by[2] = {&at.by_a, &at.by_b};
+    for (int j = 0; j < 2; ++j) {
+      if (ends[j] < 0) continue;
+      const Matrix6d weighted = link.information * *by[j];
+      const Vector6d gradient = weighted.transpose() * at.error;
+      for (int k = 0; k < 6; ++k) gradient_[ends[j]].lanes[k] += gradient[k];
+      for (int i = 0; i < 2; ++i) {
+        if (ends[i] < 0 || ends[i] > ends[j]) continue;
+        const Matrix6d hessian = by[i]->transpose() * weighted;
+        Block6& block = reduced_.at(ends[i], ends[j]);
+        for (int r = 0; r < 6; ++r) {
+          for (int c = 0; c < 6; ++c) block.row[r][c] += hessian(r, c);
+        }
+      }
+    }
+  }
+  cost_ += link_cost(problem_.links, state.world_from_left);
+}
+
 void BundleSystem::damp_poses(double damping) {
   for (int i = 0; i < reduced_.size(); ++i) {
     for (int k = 0; k < 6; ++k) reduced_.at(i, i).row[k][k] *= 1.0 + damping;
@@ -132,6 +156,7 @@ double BundleSystem::build(const BundleState& state, double damping, int iterati
     committed.notify_all();
   });
   if (prior_) add_prior(state);
+  add_links(state);
   damp_poses(damping);
   return cost_;
 }
@@ -179,8 +204,9 @@ double BundleSystem::weighted_cost(const BundleState& state) {
   take_poses(state, poses_);
   team_.run(static_cast<int>(layout_.chunks.size()),
             [&](int c, int) { chunk_cost_[c] = cost_of_chunk(task(layout_.chunks[c], state, 0)); });
-  const double prior_cost = prior_ ? prior_->cost(state.world_from_left) : 0.0;
-  return std::accumulate(chunk_cost_.begin(), chunk_cost_.end(), prior_cost);
+  const double known_cost = link_cost(problem_.links, state.world_from_left) +
+                            (prior_ ? prior_->cost(state.world_from_left) : 0.0);
+  return std::accumulate(chunk_cost_.begin(), chunk_cost_.end(), known_cost);
 }
 
 std::vector<Matrix6d> BundleSystem::pose_covariances(const BundleState& state,

@@ -49,6 +49,7 @@ class BundleSystem {
   void reduce_chunk(const PointChunk& chunk, const ChunkTask& task, ChunkWorkspace& work);
   void commit(const PointChunk& chunk, const ChunkWorkspace& work);
   void add_prior(const BundleState& state);
+  void add_links(const BundleState& state);
   void damp_poses(double damping);
   void take_poses(const BundleState& state, std::vector<CameraPose>& poses) const;
 

@@ -2,6 +2,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <stdexcept>
+#include <string>
 
 #include "estimation/bundle_system.hpp"
 
@@ -130,6 +131,10 @@ void remove_first_frame(BundleProblem& problem, const std::vector<char>& seen) {
 void marginalize_first_frame(BundleProblem& problem, const BundleOptions& options) {
   if (problem.world_from_left.empty()) {
     throw std::invalid_argument("marginalize_first_frame needs at least 1 frame, got 0");
+  }
+  if (!problem.links.empty()) {
+    throw std::invalid_argument("marginalize_first_frame takes no links, got " +
+                                std::to_string(problem.links.size()));
   }
   // 1. The part of the problem that hangs on frame 0, linearised where it stands.
   const std::vector<char> seen = seen_by_first_frame(problem);

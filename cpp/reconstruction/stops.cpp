@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "reconstruction/stops.hpp"
+
+#include <Eigen/Cholesky>
+#include <stdexcept>
+#include <string>
+
+#include "estimation/pose_link.hpp"
+
+namespace pilotage {
+namespace {
+
+[[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
+
+void check_covariance(const Matrix6d& covariance, const std::string& of) {
+  if (!covariance.allFinite() || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
+    refuse("the covariance of " + of + " must be finite and positive");
+  }
+}
+
+}  // namespace
+
+void WalkAccount::check(int pictures) const {
+  const auto has_length = [&](std::size_t length, const std::string& name) {
+    if (static_cast<int>(length) != pictures) {
+      refuse(name + " has " + std::to_string(length) + " entries for " + std::to_string(pictures) +
+             " pictures");
+    }
+  };
+  has_length(stop_of_picture.size(), "stop_of_picture");
+  has_length(stop_from_camera.size(), "stop_from_camera");
+  has_length(joint_covariances.size(), "joint_covariances");
+  int before = 0;
+  for (const int stop : stop_of_picture) {
+    if (stop < before || stop >= stop_count()) {
+      refuse("stop_of_picture has " + std::to_string(stop) + " after " + std::to_string(before) +
+             ": must ascend and stay below " + std::to_string(stop_count()));
+    }
+    before = stop;
+  }
+  for (int i = 0; i < pictures; ++i) {
+    check_covariance(joint_covariances[i], "picture " + std::to_string(i));
+  }
+  for (int k = 0; k < stop_count(); ++k) {
+    if (steps[k]) check_covariance(steps[k]->covariance, "the step to stop " + std::to_string(k));
+  }
+}
+
+Stops::Stops(WalkAccount account, int pictures) : account_(std::move(account)) {
+  account_.check(pictures);
+  pictures_.resize(count());
+  poses_.resize(count());
+  is_believed_.assign(count(), 1);
+  for (int i = 0; i < pictures; ++i) pictures_[stop_of(i)].push_back(i);
+}
+
+Transform Stops::camera_from_world(int picture) const {
+  return (*poses_[stop_of(picture)] * account_.stop_from_camera[picture]).inverse();
+}
+
+std::optional<StepAccount> Stops::step_between(int a, int b) const {
+  if (b == a + 1 && is_step_believed(b)) return account_.steps[b];
+  if (a != b + 1 || !is_step_believed(a)) return std::nullopt;
+  // The covariance's axes turn by the step itself, and its lever is short.
+  return StepAccount{account_.steps[a]->previous_from_stop.inverse(), account_.steps[a]->covariance};
+}
+
+double Stops::step_misfit(int stop, const Transform& previous_from_stop) const {
+  const StepAccount& step = *account_.steps[stop];
+  const PoseLink link{0, 1, step.previous_from_stop, Matrix6d::Identity()};
+  const Vector6d error = linearize_link(link, Transform{}, previous_from_stop).error;
+  return error.dot(Eigen::LLT<Matrix6d>(step.covariance).solve(error));
+}
+
+}  // namespace pilotage
