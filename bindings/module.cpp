@@ -12,6 +12,7 @@ void bind_bundle_adjustment(nanobind::module_& m);
 void bind_odometry(nanobind::module_& m);
 void bind_judge(nanobind::module_& m);
 void bind_reconstruction(nanobind::module_& m);
+void bind_walk(nanobind::module_& m);
 void bind_rendering(nanobind::module_& m);
 
 }  // namespace pilotage
@@ -26,5 +27,6 @@ NB_MODULE(_core, m) {
   pilotage::bind_odometry(m);
   pilotage::bind_judge(m);
   pilotage::bind_reconstruction(m);
+  pilotage::bind_walk(m);
   pilotage::bind_rendering(m);
 }

@@ -19,6 +19,7 @@ struct ReconstructionConfig {
   double max_ratio = 0.8;
   double feature_sigma_px = 0.5;
   int min_pair_inliers = 20;
+  int motions = 1;
   int min_track_length = 3;
   double min_angle_deg = 1.0;
   double outlier_sigma = 4.0;
@@ -48,6 +49,8 @@ struct ReconstructionConfig {
             "standard error of a feature's coordinates at the finest scale");
     visitor("min_pair_inliers", config.min_pair_inliers, 8, 1000,
             "matches that must agree on the geometry of two pictures");
+    visitor("motions", config.motions, 1, 4,
+            "rigid motions looked for between two pictures: 2 where somebody walks about");
     visitor("min_track_length", config.min_track_length, 2, 100, "pictures that must show a point");
     visitor("min_angle_deg", config.min_angle_deg, 0.01, 45.0,
             "least angle between the rays of a point");

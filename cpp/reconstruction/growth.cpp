@@ -23,26 +23,6 @@ constexpr int near_pictures = 6;
 /// Of the places a picture shows, this part must agree on its pose.
 constexpr double min_pose_share = 0.25;
 
-std::vector<int> tracks_in(const Scene& scene, int picture) {
-  std::vector<int> tracks;
-  for (const Scene::Shown& shown : scene.shown_in(picture)) tracks.push_back(shown.track);
-  return tracks;
-}
-
-std::vector<int> all_tracks(const Scene& scene) {
-  std::vector<int> tracks(scene.track_count());
-  std::iota(tracks.begin(), tracks.end(), 0);
-  return tracks;
-}
-
-std::vector<int> posed_pictures(const Scene& scene) {
-  std::vector<int> pictures;
-  for (int i = 0; i < scene.picture_count(); ++i) {
-    if (scene.camera_from_world(i)) pictures.push_back(i);
-  }
-  return pictures;
-}
-
 void clear(Scene& scene) {
   for (int i = 0; i < scene.picture_count(); ++i) scene.set_pose(i, std::nullopt);
   for (int t = 0; t < scene.track_count(); ++t) scene.forget_point(t);
@@ -59,7 +39,7 @@ void pose_pair(Scene& scene, const Start& start, const ReconstructionConfig& con
   clear(scene);
   scene.set_pose(pair.matches.a, Transform{});
   scene.set_pose(pair.matches.b, start.b_from_a);
-  const std::vector<int> tracks = tracks_in(scene, pair.matches.a);
+  const std::vector<int> tracks = scene.tracks_in(pair.matches.a);
   scene.place(tracks);
   const std::array both{pair.matches.a, pair.matches.b};
   for (int round = 0; round < 2; ++round) {
@@ -183,7 +163,7 @@ std::vector<int> neighbours(const Scene& scene, int picture) {
 }
 
 bool settle(Scene& scene, int picture, const ReconstructionConfig& config) {
-  const std::vector<int> tracks = tracks_in(scene, picture);
+  const std::vector<int> tracks = scene.tracks_in(picture);
   scene.place(tracks);
   const std::vector<int> free = neighbours(scene, picture);
   // With nothing else to hold on to this would be an adjustment of all.
@@ -216,7 +196,7 @@ void remove(Scene& scene, int picture) {
     scene.set_used(shown.track, shown.slot, false);
   }
   scene.set_pose(picture, std::nullopt);
-  scene.drop_outliers(tracks_in(scene, picture));
+  scene.drop_outliers(scene.tracks_in(picture));
 }
 
 }  // namespace
@@ -244,7 +224,7 @@ std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
   }
   clear(scene);
   if (best) begin(scene, *best, config);
-  return posed_pictures(scene);
+  return scene.posed_pictures();
 }
 
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
@@ -273,7 +253,7 @@ void pose_anew(Scene& scene, std::span<const int> pictures, const Reconstruction
   const Scene before = scene;
   for (const int picture : pictures) scene.set_pose(picture, std::nullopt);
   for (const int picture : pictures) {
-    const std::vector<int> tracks = tracks_in(scene, picture);
+    const std::vector<int> tracks = scene.tracks_in(picture);
     for (const int t : tracks) scene.forget_point(t);
     scene.place(tracks);
   }
@@ -285,9 +265,9 @@ void pose_anew(Scene& scene, std::span<const int> pictures, const Reconstruction
 }
 
 void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds) {
-  const std::vector<int> tracks = all_tracks(scene);
+  const std::vector<int> tracks = scene.all_tracks();
   for (int round = 0; round < rounds; ++round) {
-    const std::vector<int> pictures = posed_pictures(scene);
+    const std::vector<int> pictures = scene.posed_pictures();
     if (pictures.size() < 2) return;
     adjust_scene(scene, pictures, config, {.max_iterations = 20, .relative_cost_change = 1e-5});
     const int dropped = scene.drop_outliers(tracks);

@@ -24,11 +24,20 @@ constexpr float max_shift_px = 3;
 /// What remains when noise is none, of a level's pixels: surfaces are no planes.
 constexpr float model_sigma_px = 0.12f;
 
+/// A picture in the scene's order.
+struct ScenePicture {
+  ImageView image;
+  const Camera* camera = nullptr;
+};
+
 class Refinement {
  public:
-  Refinement(Scene& scene, std::span<const ScenePicture> pictures, WorkerTeam& team)
-      : scene_(scene), pictures_(pictures), pyramids_(pictures.size()) {
-    team.run(static_cast<int>(pictures.size()), [&](int k, int) {
+  Refinement(Scene& scene, const PictureSet& set, std::span<const int> order, WorkerTeam& team)
+      : scene_(scene), pyramids_(order.size()) {
+    for (const int i : order) {
+      pictures_.push_back({set.pictures[i], &set.cameras[set.camera_of_picture[i]]});
+    }
+    team.run(static_cast<int>(pictures_.size()), [&](int k, int) {
       if (scene_.camera_from_world(k)) pyramids_[k].build(pictures_[k].image, levels);
     });
   }
@@ -146,14 +155,15 @@ class Refinement {
   }
 
   Scene& scene_;
-  std::span<const ScenePicture> pictures_;
+  std::vector<ScenePicture> pictures_;
   std::vector<Pyramid> pyramids_;
 };
 
 }  // namespace
 
-int refine_features(Scene& scene, std::span<const ScenePicture> pictures, WorkerTeam& team) {
-  Refinement refinement(scene, pictures, team);
+int refine_features(Scene& scene, const PictureSet& set, std::span<const int> order,
+                    WorkerTeam& team) {
+  Refinement refinement(scene, set, order, team);
   const int tasks = (scene.track_count() + tracks_a_task - 1) / tracks_a_task;
   std::vector<int> moved(tasks, 0);
   // A feature belongs to one track, so tracks do not meet.

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "reconstruction/scene_adjustment.hpp"
-
 namespace pilotage {
 namespace {
 
@@ -57,34 +55,13 @@ void report_points(const Scene& scene, std::span<const int> order,
   }
 }
 
-/// Makes the first picture given the world, and the cameras' rms distance from their middle 1.
-void set_world(Scene& scene, std::span<const int> order, std::span<const int> posed) {
-  int first = posed.front();
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const int k : posed) {
-    if (order[k] < order[first]) first = k;
-    middle += scene.camera_from_world(k)->inverse().translation / static_cast<double>(posed.size());
-  }
-  double squares = 0;
-  for (const int k : posed) {
-    squares += (scene.camera_from_world(k)->inverse().translation - middle).squaredNorm();
-  }
-  const double spread = std::sqrt(squares / static_cast<double>(posed.size()));
-  scene.normalise(first, spread > 0 ? 1 / spread : 1);
-}
-
 }  // namespace
 
-Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
+Reconstruction report(const Scene& scene, std::span<const DescribedPicture> described,
                       const std::vector<ViewPair>& pairs, std::span<const int> order,
                       std::span<const ImageView> pictures) {
   Reconstruction result;
   const std::size_t count = pictures.size();
-  std::vector<int> posed;
-  for (int k = 0; k < static_cast<int>(count); ++k) {
-    if (scene.camera_from_world(k)) posed.push_back(k);
-  }
-  if (!posed.empty()) set_world(scene, order, posed);
   result.camera_from_world.resize(count);
   result.fates.resize(count);
   for (int k = 0; k < static_cast<int>(count); ++k) {

@@ -8,7 +8,7 @@
 namespace pilotage {
 
 /// The model as the caller knows its pictures: scene picture k is pictures[order[k]].
-Reconstruction report(Scene& scene, std::span<const DescribedPicture> described,
+Reconstruction report(const Scene& scene, std::span<const DescribedPicture> described,
                       const std::vector<ViewPair>& pairs, std::span<const int> order,
                       std::span<const ImageView> pictures);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 
 #include "geometry/triangulation.hpp"
 
@@ -48,6 +49,26 @@ Scene::Scene(std::vector<SeenFeatures> pictures, std::vector<Track> tracks, doub
 int Scene::posed_count() const {
   return static_cast<int>(
       std::count_if(poses_.begin(), poses_.end(), [](const auto& pose) { return !!pose; }));
+}
+
+std::vector<int> Scene::posed_pictures() const {
+  std::vector<int> pictures;
+  for (int i = 0; i < picture_count(); ++i) {
+    if (poses_[i]) pictures.push_back(i);
+  }
+  return pictures;
+}
+
+std::vector<int> Scene::tracks_in(int picture) const {
+  std::vector<int> tracks;
+  for (const Shown& shown : shown_[picture]) tracks.push_back(shown.track);
+  return tracks;
+}
+
+std::vector<int> Scene::all_tracks() const {
+  std::vector<int> tracks(track_count());
+  std::iota(tracks.begin(), tracks.end(), 0);
+  return tracks;
 }
 
 void Scene::set_pose(int picture, const std::optional<Transform>& camera_from_world) {
@@ -175,16 +196,16 @@ int Scene::drop_outliers(std::span<const int> tracks) {
   return dropped;
 }
 
-void Scene::normalise(int picture, double scale) {
-  const Transform origin_from_world = *poses_[picture];
+void Scene::move_world(const Transform& new_from_old, double scale) {
+  const Transform old_from_new = new_from_old.inverse();
   for (int i = 0; i < picture_count(); ++i) {
     if (!poses_[i]) continue;
-    Transform pose = *poses_[i] * origin_from_world.inverse();
+    Transform pose = *poses_[i] * old_from_new;
     pose.translation *= scale;
     set_pose(i, pose);
   }
   for (ScenePoint& point : points_) {
-    if (point.in_world) point.in_world = scale * (origin_from_world * *point.in_world);
+    if (point.in_world) point.in_world = scale * (new_from_old * *point.in_world);
   }
 }
 

@@ -46,9 +46,12 @@ class Scene {
   const Track& track(int t) const { return tracks_[t]; }
   const ScenePoint& point(int t) const { return points_[t]; }
   std::span<const Shown> shown_in(int picture) const { return shown_[picture]; }
+  std::vector<int> tracks_in(int picture) const;
+  std::vector<int> all_tracks() const;
   const std::optional<Transform>& camera_from_world(int picture) const { return poses_[picture]; }
   const RectifiedStereo& ideal_camera() const { return ideal_; }
   int posed_count() const;
+  std::vector<int> posed_pictures() const;
 
   void set_pose(int picture, const std::optional<Transform>& camera_from_world);
   void set_point(int t, const Eigen::Vector3d& in_world) { points_[t].in_world = in_world; }
@@ -82,8 +85,8 @@ class Scene {
   /// any angle. Returns how many features went.
   int drop_outliers(std::span<const int> tracks);
 
-  /// Makes a posed picture the world, and lengths `scale` times as large.
-  void normalise(int picture, double scale);
+  /// Makes another frame the world, and then lengths `scale` times as large.
+  void move_world(const Transform& new_from_old, double scale);
 
  private:
   bool place_anew(int t);

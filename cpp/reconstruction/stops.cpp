@@ -62,7 +62,8 @@ std::optional<StepAccount> Stops::step_between(int a, int b) const {
   if (b == a + 1 && is_step_believed(b)) return account_.steps[b];
   if (a != b + 1 || !is_step_believed(a)) return std::nullopt;
   // The covariance's axes turn by the step itself, and its lever is short.
-  return StepAccount{account_.steps[a]->previous_from_stop.inverse(), account_.steps[a]->covariance};
+  return StepAccount{account_.steps[a]->previous_from_stop.inverse(),
+                     account_.steps[a]->covariance};
 }
 
 double Stops::step_misfit(int stop, const Transform& previous_from_stop) const {

@@ -2,12 +2,17 @@
 #include "reconstruction/view_pairs.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "tracking/vocabulary.hpp"
 
 namespace pilotage {
 namespace {
+
+/// For a second motion between two pictures: it is worth finding only where it explains much of
+/// what is left.
+constexpr int more_motions_samples = 200;
 
 using Candidates = std::vector<std::pair<int, int>>;
 
@@ -26,19 +31,15 @@ struct MatchedRays {
   }
 };
 
-/// The geometry of two pictures, and the matches it explains; none where too few are.
+/// One geometry of two pictures, and the matches it explains; of those that are left to explain.
 ViewPair verify(const std::pair<int, int>& candidate, std::span<const DescriptorMatch> found,
-                std::span<const DescribedPicture> pictures, const ReconstructionConfig& config) {
+                std::span<const DescribedPicture> pictures, const RelativePoseOptions& options) {
   ViewPair pair;
   pair.matches.a = candidate.first;
   pair.matches.b = candidate.second;
-  if (static_cast<int>(found.size()) < config.min_pair_inliers) return pair;
+  if (static_cast<int>(found.size()) < options.min_inliers) return pair;
   const DescribedPicture &a = pictures[candidate.first], &b = pictures[candidate.second];
   const MatchedRays rays(found, a, b);
-  RelativePoseOptions options;
-  options.sigma_rad = config.feature_sigma_px * (0.5 / a.focal_px + 0.5 / b.focal_px);
-  options.min_inliers = config.min_pair_inliers;
-  options.seed = static_cast<std::uint64_t>(config.seed);
   pair.geometry = find_relative_pose(rays.a, rays.b, options, rays.qualities);
   if (pair.geometry.geometry == TwoViewGeometry::none) return pair;
   for (std::size_t k = 0; k < found.size(); ++k) {
@@ -47,6 +48,36 @@ ViewPair verify(const std::pair<int, int>& candidate, std::span<const Descriptor
     pair.matches.features_b.push_back(found[k].b);
   }
   return pair;
+}
+
+/// All geometries of two pictures: of the room, and of whoever walks through it. Which is which
+/// two pictures cannot tell.
+std::vector<ViewPair> verify_all(const std::pair<int, int>& candidate,
+                                 std::vector<DescriptorMatch> found,
+                                 std::span<const DescribedPicture> pictures,
+                                 const ReconstructionConfig& config) {
+  const double focal_a = pictures[candidate.first].focal_px;
+  const double focal_b = pictures[candidate.second].focal_px;
+  RelativePoseOptions options;
+  options.sigma_rad = config.feature_sigma_px * (0.5 / focal_a + 0.5 / focal_b);
+  options.min_inliers = config.min_pair_inliers;
+  options.seed = static_cast<std::uint64_t>(config.seed);
+  std::vector<ViewPair> pairs;
+  for (int motion = 0; motion < config.motions; ++motion) {
+    pairs.push_back(verify(candidate, found, pictures, options));
+    const std::vector<char>& inlier = pairs.back().geometry.inlier;
+    if (static_cast<int>(pairs.back().matches.features_a.size()) < config.min_pair_inliers) {
+      pairs.pop_back();
+      break;
+    }
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      if (!inlier[k]) found[kept++] = found[k];
+    }
+    found.resize(kept);
+    options.max_samples = more_motions_samples;
+  }
+  return pairs;
 }
 
 std::vector<WordedPicture> sort_by_words(std::span<const DescribedPicture> pictures,
@@ -95,15 +126,15 @@ std::vector<ViewPair> match_pictures(std::span<const DescribedPicture> pictures,
   const Candidates candidates = candidates_of(worded, order, config);
   DescriptorMatchOptions options;
   options.max_ratio = static_cast<float>(config.max_ratio);
-  std::vector<ViewPair> pairs(candidates.size());
+  std::vector<std::vector<ViewPair>> of_candidate(candidates.size());
   team.run(static_cast<int>(candidates.size()), [&](int k, int) {
-    const auto found =
-        match_by_words(worded[candidates[k].first], worded[candidates[k].second], options);
-    pairs[k] = verify(candidates[k], found, pictures, config);
+    auto found = match_by_words(worded[candidates[k].first], worded[candidates[k].second], options);
+    of_candidate[k] = verify_all(candidates[k], std::move(found), pictures, config);
   });
-  std::erase_if(pairs, [&](const ViewPair& pair) {
-    return static_cast<int>(pair.matches.features_a.size()) < config.min_pair_inliers;
-  });
+  std::vector<ViewPair> pairs;
+  for (std::vector<ViewPair>& some : of_candidate) {
+    std::move(some.begin(), some.end(), std::back_inserter(pairs));
+  }
   std::stable_sort(pairs.begin(), pairs.end(), [](const ViewPair& x, const ViewPair& y) {
     return x.matches.features_a.size() > y.matches.features_a.size();
   });

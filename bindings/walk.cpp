@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "reconstruction/walk.hpp"
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
+
+#include "numpy.hpp"
+
+namespace pilotage {
+namespace {
+
+using namespace nb::literals;
+
+WalkReconstruction reconstruct_arrays(const std::vector<ImageArray>& pictures,
+                                      const std::vector<Camera>& cameras,
+                                      const std::vector<int>& camera_of_picture,
+                                      const WalkAccount& account,
+                                      const ReconstructionConfig& config) {
+  std::vector<ImageView> views;
+  for (const ImageArray& picture : pictures) views.push_back(image_view(picture, "pictures"));
+  const nb::gil_scoped_release released;
+  return reconstruct_walk(views, cameras, camera_of_picture, account, config);
+}
+
+void bind_account(nb::module_& m) {
+  nb::class_<StepAccount>(m, "StepAccount",
+                          "How a robot believes to have come from the stop before to this one.")
+      .def(
+          "__init__",
+          [](StepAccount* self, const Transform& previous_from_stop, const Matrix6d& covariance) {
+            new (self) StepAccount{previous_from_stop, covariance};
+          },
+          nb::kw_only(), "previous_from_stop"_a, "covariance"_a,
+          "covariance: (6, 6) of the place in the former stop's axes, m, and the turn about its "
+          "own axes, rad.");
+  nb::class_<WalkAccount>(m, "WalkAccount",
+                          "What a robot that stops, looks around and walks on tells of its "
+                          "pictures; the frame of a stop is the robot's there, on the ground.")
+      .def(
+          "__init__",
+          [](WalkAccount* self, std::vector<int> stop_of_picture,
+             std::vector<Transform> stop_from_camera, std::vector<Matrix6d> joint_covariances,
+             std::vector<std::optional<StepAccount>> steps) {
+            new (self) WalkAccount{std::move(stop_of_picture), std::move(stop_from_camera),
+                                   std::move(joint_covariances), std::move(steps)};
+          },
+          nb::kw_only(), "stop_of_picture"_a, "stop_from_camera"_a, "joint_covariances"_a,
+          "steps"_a,
+          "Of each picture: its stop, ascending from 0, where its camera was in the stop by the "
+          "joints, and the (6, 6) covariance of that (place in the stop's axes, turn about the "
+          "camera's own). Of each stop: its step, None for the first and where none is known.");
+}
+
+void bind_stops(nb::module_& m) {
+  nb::enum_<StopFate>(m, "StopFate", "What became of a stop of a walk.")
+      .value("placed", StopFate::placed, "Its step and its pictures agree.")
+      .value("carried", StopFate::carried,
+             "Its pictures say where it is, and that no step led there.")
+      .value("lost", StopFate::lost, "What its pictures show could not be found in what is known.");
+  nb::class_<PlacedStop>(m, "PlacedStop", "A stop of a walk and where it is.")
+      .def_ro("fate", &PlacedStop::fate)
+      .def_ro("world_from_stop", &PlacedStop::world_from_stop, "None where it is lost.")
+      .def_ro("covariance", &PlacedStop::covariance, nb::rv_policy::copy,
+              "(6, 6) of the left perturbation (translation, rotation), against the first stop.")
+      .def_ro("sights", &PlacedStop::sights, "Observations of places that hold it.")
+      .def_ro("set_aside", &PlacedStop::set_aside,
+              "Features that other stops show as well and that contradict the room.");
+}
+
+}  // namespace
+
+void bind_walk(nb::module_& m) {
+  bind_account(m);
+  bind_stops(m);
+  nb::class_<WalkReconstruction>(m, "WalkReconstruction",
+                                 "A model in metres; its world is the robot's frame at the first "
+                                 "stop that has a pose.")
+      .def_ro("model", &WalkReconstruction::model)
+      .def_ro("stops", &WalkReconstruction::stops, "PlacedStop, one a stop.");
+  m.def("reconstruct_walk", &reconstruct_arrays, nb::kw_only(), "pictures"_a, "cameras"_a,
+        "camera_of_picture"_a, "account"_a, "config"_a = ReconstructionConfig{},
+        "Structure from motion of (height, width) uint8 pictures of a robot that stops, looks "
+        "around and walks on. ValueError for contradictory input.");
+}
+
+}  // namespace pilotage

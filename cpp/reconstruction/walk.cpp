@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "reconstruction/walk.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "reconstruction/observe.hpp"
+#include "reconstruction/refinement.hpp"
+#include "reconstruction/report.hpp"
+#include "reconstruction/scene_adjustment.hpp"
+#include "reconstruction/walk_growth.hpp"
+
+namespace pilotage {
+namespace {
+
+/// Everything is adjusted when the walk has grown by this factor.
+constexpr double adjust_growth = 1.2;
+constexpr int growing_rounds = 1;
+constexpr int final_rounds = 4;
+
+int posed_stops(const Stops& stops) {
+  int count = 0;
+  for (int stop = 0; stop < stops.count(); ++stop) count += stops.world_from_stop(stop).has_value();
+  return count;
+}
+
+/// Poses stop after stop until no other can be.
+void grow(Scene& scene, Stops& stops, const ReconstructionConfig& config) {
+  std::vector<char> was_refused(stops.count(), 0);
+  int adjusted = posed_stops(stops);
+  for (;;) {
+    const bool has_grown = add_stop(scene, stops, was_refused, config).has_value();
+    const int posed = posed_stops(stops);
+    if (posed == adjusted && !has_grown) return;
+    if (has_grown && posed < std::max(adjusted + 1.0, adjust_growth * adjusted)) continue;
+    adjust_walk(scene, stops, config, growing_rounds);
+    adjusted = posed;
+    // What was refused may be posed in a better or larger model.
+    was_refused.assign(was_refused.size(), 0);
+  }
+}
+
+/// Makes the first stop with a pose the world.
+void set_world(Scene& scene, Stops& stops) {
+  int first = 0;
+  while (first < stops.count() && !stops.world_from_stop(first)) ++first;
+  if (first == stops.count()) return;
+  const Transform new_from_old = stops.world_from_stop(first)->inverse();
+  scene.move_world(new_from_old, 1);
+  for (int stop = first; stop < stops.count(); ++stop) {
+    if (const auto& pose = stops.world_from_stop(stop)) stops.set_pose(stop, new_from_old * *pose);
+  }
+}
+
+/// Counts what holds a stop and what contradicts it, of things that other stops show as well.
+void count_sights(const Scene& scene, const Stops& stops, std::vector<PlacedStop>& placed) {
+  for (int t = 0; t < scene.track_count(); ++t) {
+    const Track& track = scene.track(t);
+    const auto stop_of = [&](const FeatureRef& f) { return stops.stop_of(f.picture); };
+    const bool is_shown_twice = std::any_of(track.begin(), track.end(), [&](const FeatureRef& f) {
+      return stop_of(f) != stop_of(track.front());
+    });
+    for (std::size_t k = 0; k < track.size(); ++k) {
+      PlacedStop& stop = placed[stop_of(track[k])];
+      if (!stop.world_from_stop) continue;
+      const bool is_used = scene.point(t).is_used[k];
+      stop.sights += is_used;
+      stop.set_aside += is_shown_twice && !is_used;
+    }
+  }
+}
+
+std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops,
+                                     const ReconstructionConfig& config) {
+  std::vector<PlacedStop> placed(stops.count());
+  const std::vector<Matrix6d> covariances = stop_covariances(scene, stops, config);
+  for (int k = 0; k < stops.count(); ++k) {
+    placed[k].world_from_stop = stops.world_from_stop(k);
+    if (!placed[k].world_from_stop) continue;
+    const bool has_step = k > 0 && stops.account().steps[k].has_value();
+    placed[k].fate = has_step && !stops.is_step_believed(k) ? StopFate::carried : StopFate::placed;
+    placed[k].covariance = covariances[k];
+  }
+  count_sights(scene, stops, placed);
+  return placed;
+}
+
+}  // namespace
+
+WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
+                                    std::span<const Camera> cameras,
+                                    std::span<const int> camera_of_picture,
+                                    const WalkAccount& account,
+                                    const ReconstructionConfig& config) {
+  const PictureSet set{pictures, cameras, camera_of_picture};
+  set.check();
+  Stops stops(account, static_cast<int>(pictures.size()));
+  WorkerTeam team(config.threads);
+  std::vector<int> order(pictures.size());
+  std::iota(order.begin(), order.end(), 0);
+  // 1-4. Salient regions, tentative matches, the geometry of two pictures, tracks.
+  auto [described, pairs, scene] = observe(set, order, order, config, team);
+  // 5. Stops in one frame, one after the other; adjustment with what the robot tells.
+  if (start_walk(scene, stops, pairs, config)) {
+    grow(scene, stops, config);
+    adjust_walk(scene, stops, config, final_rounds);
+    // 6. The same things to a tenth of a pixel, and everything adjusted to that.
+    refine_features(scene, set, order, team);
+    adjust_walk(scene, stops, config, final_rounds);
+    set_world(scene, stops);
+  }
+  return {report(scene, described, pairs, order, pictures), report_stops(scene, stops, config)};
+}
+
+}  // namespace pilotage
