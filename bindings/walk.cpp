@@ -40,15 +40,38 @@ void bind_account(nb::module_& m) {
           "__init__",
           [](WalkAccount* self, std::vector<int> stop_of_picture,
              std::vector<Transform> stop_from_camera, std::vector<Matrix6d> joint_covariances,
-             std::vector<std::optional<StepAccount>> steps) {
-            new (self) WalkAccount{std::move(stop_of_picture), std::move(stop_from_camera),
-                                   std::move(joint_covariances), std::move(steps)};
+             std::vector<std::optional<StepAccount>> steps, std::vector<int> postures,
+             double common_step_sigma, double height_sigma_m) {
+            new (self) WalkAccount{std::move(stop_of_picture),
+                                   std::move(stop_from_camera),
+                                   std::move(joint_covariances),
+                                   std::move(steps),
+                                   std::move(postures),
+                                   common_step_sigma,
+                                   height_sigma_m};
           },
           nb::kw_only(), "stop_of_picture"_a, "stop_from_camera"_a, "joint_covariances"_a,
-          "steps"_a,
+          "steps"_a, "postures"_a, "common_step_sigma"_a = 0.05, "height_sigma_m"_a = 0.005,
           "Of each picture: its stop, ascending from 0, where its camera was in the stop by the "
           "joints, and the (6, 6) covariance of that (place in the stop's axes, turn about the "
-          "camera's own). Of each stop: its step, None for the first and where none is known.");
+          "camera's own), and its posture, 0 standing, 1 crouching. Of each stop: its step, None "
+          "for "
+          "the first and where none is known. common_step_sigma: part of a length by which all "
+          "steps err alike; height_sigma_m: of the cameras above the floor, by the legs.");
+}
+
+void bind_lengths(nb::module_& m) {
+  nb::enum_<LengthSource>(m, "LengthSource", "What tells how long a metre is in a model.")
+      .value("head", LengthSource::head, "The cameras' offsets while the head turns.")
+      .value("crouch", LengthSource::crouch, "How much lower a crouching robot's cameras are.")
+      .value("steps", LengthSource::steps, "The way from stop to stop as the robot believes it.")
+      .value("ground", LengthSource::ground, "The cameras' height above the floor they see.");
+  nb::class_<LengthEstimate>(m, "LengthEstimate",
+                             "By what a model's lengths are to be multiplied, by one source.")
+      .def_ro("source", &LengthEstimate::source)
+      .def_ro("factor", &LengthEstimate::factor)
+      .def_ro("sigma", &LengthEstimate::sigma)
+      .def_ro("count", &LengthEstimate::count, "Pictures, steps or places it comes from.");
 }
 
 void bind_stops(nb::module_& m) {
@@ -72,11 +95,17 @@ void bind_stops(nb::module_& m) {
 void bind_walk(nb::module_& m) {
   bind_account(m);
   bind_stops(m);
+  bind_lengths(m);
   nb::class_<WalkReconstruction>(m, "WalkReconstruction",
                                  "A model in metres; its world is the robot's frame at the first "
                                  "stop that has a pose.")
       .def_ro("model", &WalkReconstruction::model)
-      .def_ro("stops", &WalkReconstruction::stops, "PlacedStop, one a stop.");
+      .def_ro("stops", &WalkReconstruction::stops, "PlacedStop, one a stop.")
+      .def_ro("lengths", &WalkReconstruction::lengths,
+              "LengthEstimate of each source, of the model as adjusted.")
+      .def_ro("length_factor", &WalkReconstruction::length_factor,
+              "Their mean, which the model has been multiplied by.")
+      .def_ro("length_sigma", &WalkReconstruction::length_sigma, "Its standard error.");
   m.def("reconstruct_walk", &reconstruct_arrays, nb::kw_only(), "pictures"_a, "cameras"_a,
         "camera_of_picture"_a, "account"_a, "config"_a = ReconstructionConfig{},
         "Structure from motion of (height, width) uint8 pictures of a robot that stops, looks "

@@ -40,15 +40,18 @@ void grow(Scene& scene, Stops& stops, const ReconstructionConfig& config) {
   }
 }
 
-/// Makes the first stop with a pose the world.
-void set_world(Scene& scene, Stops& stops) {
+/// Makes the first stop with a pose the world, and lengths `factor` times as large.
+void set_world(Scene& scene, Stops& stops, double factor) {
   int first = 0;
   while (first < stops.count() && !stops.world_from_stop(first)) ++first;
   if (first == stops.count()) return;
   const Transform new_from_old = stops.world_from_stop(first)->inverse();
-  scene.move_world(new_from_old, 1);
+  scene.move_world(new_from_old, factor);
   for (int stop = first; stop < stops.count(); ++stop) {
-    if (const auto& pose = stops.world_from_stop(stop)) stops.set_pose(stop, new_from_old * *pose);
+    if (!stops.world_from_stop(stop)) continue;
+    Transform pose = new_from_old * *stops.world_from_stop(stop);
+    pose.translation *= factor;
+    stops.set_pose(stop, pose);
   }
 }
 
@@ -70,7 +73,8 @@ void count_sights(const Scene& scene, const Stops& stops, std::vector<PlacedStop
   }
 }
 
-std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops,
+/// `length_sigma` is common to all: it lies along the way from the first stop.
+std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, double length_sigma,
                                      const ReconstructionConfig& config) {
   std::vector<PlacedStop> placed(stops.count());
   const std::vector<Matrix6d> covariances = stop_covariances(scene, stops, config);
@@ -79,7 +83,9 @@ std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops,
     if (!placed[k].world_from_stop) continue;
     const bool has_step = k > 0 && stops.account().steps[k].has_value();
     placed[k].fate = has_step && !stops.is_step_believed(k) ? StopFate::carried : StopFate::placed;
+    const Eigen::Vector3d way = length_sigma * placed[k].world_from_stop->translation;
     placed[k].covariance = covariances[k];
+    placed[k].covariance.topLeftCorner<3, 3>() += way * way.transpose();
   }
   count_sights(scene, stops, placed);
   return placed;
@@ -101,15 +107,24 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
   // 1-4. Salient regions, tentative matches, the geometry of two pictures, tracks.
   auto [described, pairs, scene] = observe(set, order, order, config, team);
   // 5. Stops in one frame, one after the other; adjustment with what the robot tells.
+  WalkReconstruction result;
   if (start_walk(scene, stops, pairs, config)) {
     grow(scene, stops, config);
     adjust_walk(scene, stops, config, final_rounds);
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
     refine_features(scene, set, order, team);
     adjust_walk(scene, stops, config, final_rounds);
-    set_world(scene, stops);
+    // 7. Lengths by all that tells of them.
+    result.lengths = length_estimates(scene, stops);
+    if (const auto length = combined_length(result.lengths)) {
+      result.length_factor = length->factor;
+      result.length_sigma = length->sigma;
+    }
+    set_world(scene, stops, result.length_factor);
   }
-  return {report(scene, described, pairs, order, pictures), report_stops(scene, stops, config)};
+  result.model = report(scene, described, pairs, order, pictures);
+  result.stops = report_stops(scene, stops, result.length_sigma, config);
+  return result;
 }
 
 }  // namespace pilotage

@@ -7,6 +7,7 @@
 
 #include "reconstruction/reconstruct.hpp"
 #include "reconstruction/stops.hpp"
+#include "reconstruction/walk_lengths.hpp"
 
 namespace pilotage {
 
@@ -31,6 +32,9 @@ struct WalkReconstruction {
   /// In metres; the world is the robot's frame at the first stop that has a pose.
   Reconstruction model;
   std::vector<PlacedStop> stops;
+  std::vector<LengthEstimate> lengths;  ///< what each source says of the adjusted model's lengths
+  /// Their mean, which the model has been multiplied by, and its standard error.
+  double length_factor = 1, length_sigma = 0;
 };
 
 /// Structure from motion of a robot that stops, looks around and walks on (second paper). All

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "reconstruction/scene.hpp"
+#include "reconstruction/stops.hpp"
+
+namespace pilotage {
+
+/// What tells how long a metre is in a model of pictures.
+enum class LengthSource {
+  head,    ///< the cameras' offsets from the neck while the head turns
+  crouch,  ///< how much lower the cameras are when the robot crouches
+  steps,   ///< the way from stop to stop as the robot believes it
+  ground,  ///< the cameras' height above the floor they see
+};
+
+/// By what the lengths of a model are to be multiplied, by one source alone.
+struct LengthEstimate {
+  LengthSource source = LengthSource::steps;
+  double factor = 1;
+  double sigma = 0;
+  int count = 0;  ///< pictures, steps or places it comes from
+};
+
+/// What each source says of a model whose stops are posed in metres; those that say nothing are
+/// left out. Vision alone fixes the shape, so each source has only the size to tell.
+std::vector<LengthEstimate> length_estimates(const Scene& scene, const Stops& stops);
+
+/// Their mean, weighted by the inverses of their variances; `sigma` grows where they contradict
+/// each other. None of none.
+std::optional<LengthEstimate> combined_length(const std::vector<LengthEstimate>& estimates);
+
+}  // namespace pilotage
