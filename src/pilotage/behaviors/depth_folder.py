@@ -22,7 +22,7 @@ from pilotage.behaviors.obstacles import Obstacle, distance_at, find_ground, fin
 from pilotage.errors import InputError
 from pilotage.provenance import program_commit
 from pilotage.recordings.pictures import read_grey
-from pilotage.results import CLOUD, SUMMARY, check_free, ply_bytes, write_json
+from pilotage.results import CLOUD, SUMMARY, check_free, claim_folder, ply_bytes, write_json
 
 if TYPE_CHECKING:
     from pilotage import ReconstructionConfig
@@ -72,22 +72,11 @@ def depth_folder(  # noqa: PLR0913, all by name
     )  # fmt: skip
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(depth, first, second, at) | _ground(depth, camera_height_m) | cost
-    _begin(out)
+    claim_folder(out, (CLOUD, TABLE, PICTURE))
     errors = write_each(_writes(out, depth, read_grey(first), summary))
     if errors:
         raise errors[0]
     return summary
-
-
-def _begin(out: Path) -> None:
-    """Mark the folder as ours and unfinished, and take away what an earlier run left."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
-    write_json(out / SUMMARY, {"program": "pilotage", "state": "running"})
-    for name in (CLOUD, TABLE, PICTURE):
-        (out / name).unlink(missing_ok=True)
 
 
 def _summary(

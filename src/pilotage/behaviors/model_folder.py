@@ -33,11 +33,14 @@ from pilotage.results import (
     SUMMARY,
     TUM,
     check_free,
+    claim_folder,
     write_json,
 )
 
 if TYPE_CHECKING:
     from pilotage import Camera, ReconstructionConfig
+
+MODEL_FILES = (*FILES, CLOUD_WITH_CAMERAS, f"{COLMAP_TEXT}/*.*", f"{COLMAP_BINARY}/*.*")
 
 
 def reconstruct_folder(  # noqa: PLR0913, all by name
@@ -63,7 +66,7 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
     greys = read_greys(files, camera)
-    _begin(out)
+    claim_folder(out, MODEL_FILES)
     names = [file.name for file in files]
     found = solve(greys, names, camera=camera, ordered=ordered, config=config)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
@@ -102,24 +105,6 @@ def _size_of(file: Path) -> tuple[int, int]:
     except PictureError as error:
         raise InputError(str(error)) from None
     return width, height
-
-
-def _begin(out: Path) -> None:
-    """Mark the folder as ours and unfinished, and take away what an earlier run left."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
-    write_json(out / SUMMARY, {"program": "pilotage", "state": "running"})
-    try:
-        for name in (*FILES, CLOUD_WITH_CAMERAS):
-            if name != SUMMARY:
-                (out / name).unlink(missing_ok=True)
-        for folder in (COLMAP_TEXT, COLMAP_BINARY):
-            for file in (out / folder).glob("*.*"):
-                file.unlink()
-    except OSError as error:
-        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
 
 
 def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
