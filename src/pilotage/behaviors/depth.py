@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from pilotage import Camera, PictureFate, Transform
 from pilotage.behaviors.depth_refusals import REFUSALS, cause_of
+from pilotage.behaviors.reconstruct import check_size, read_greys
 from pilotage.behaviors.two_views import Rays, TwoViews, depth_errors, depths, refine_two_views
 from pilotage.errors import InputError
-from pilotage.recordings.pictures import PictureError, read_grey
 
 if TYPE_CHECKING:
     from pilotage import Reconstruction, ReconstructionConfig
@@ -265,18 +265,9 @@ def _rays(camera: Camera, pixels: Array) -> Array:
 
 
 def _grey(picture: Path | Grey, camera: Camera) -> Grey:
-    name = "an array"
     if isinstance(picture, Path):
-        name = str(picture)
-        try:
-            picture = read_grey(picture)
-        except PictureError as error:
-            raise InputError(str(error)) from None
+        return read_greys([picture], camera)[0]
     if picture.ndim != 2 or picture.dtype != np.uint8:
-        raise InputError(f"{name}: a picture must be (height, width) of uint8")
-    if picture.shape != (camera.height_px, camera.width_px):
-        raise InputError(
-            f"{name}: {picture.shape[1]}x{picture.shape[0]} pixels, its camera has"
-            f" {camera.width_px}x{camera.height_px}; calibrate at the pictures' size"
-        )
+        raise InputError("an array: a picture must be (height, width) of uint8")
+    check_size("an array", picture, camera)
     return picture
