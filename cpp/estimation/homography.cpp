@@ -7,9 +7,8 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
-#include <stdexcept>
-#include <string>
 
+#include "estimation/check_matches.hpp"
 #include "estimation/false_alarms.hpp"
 #include "estimation/null_vector.hpp"
 #include "estimation/ransac.hpp"
@@ -256,17 +255,7 @@ HomographyResult find_homography(std::span<const Vector2d> points_a,
                                  std::span<const Vector2d> points_b,
                                  const HomographyOptions& options,
                                  std::span<const float> qualities) {
-  const std::size_t count = points_a.size();
-  if (points_b.size() != count || (!qualities.empty() && qualities.size() != count)) {
-    throw std::invalid_argument(std::to_string(count) + " points in one picture, " +
-                                std::to_string(points_b.size()) + " in the other, " +
-                                std::to_string(qualities.size()) + " qualities");
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!points_a[i].allFinite() || !points_b[i].allFinite()) {
-      throw std::invalid_argument("match " + std::to_string(i) + " is not finite");
-    }
-  }
+  check_matches(points_a, points_b, qualities);
   return Search(points_a, points_b, options).run(qualities);
 }
 
