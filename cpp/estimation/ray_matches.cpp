@@ -1,31 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "estimation/ray_matches.hpp"
 
-#include <array>
-
-#include "geometry/dispatch.hpp"
+#include "estimation/lanes.hpp"
 
 namespace pilotage {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-constexpr int lanes = 8;
-typedef float Lanes __attribute__((vector_size(lanes * sizeof(float)), aligned(4), may_alias));
-
-/// By rows.
-using FloatMatrix = std::array<float, 9>;
-
-FloatMatrix to_float(const Matrix3d& m) {
-  FloatMatrix result;
-  for (int i = 0; i < 9; ++i) result[i] = static_cast<float>(m(i / 3, i % 3));
-  return result;
-}
-
-PILOTAGE_INLINE Lanes load(const std::vector<float>& column, int i) {
-  return *reinterpret_cast<const Lanes*>(column.data() + i);
-}
 
 PILOTAGE_INLINE Lanes epipolar_error(const RayMatches& m, const FloatMatrix& e, int i) {
   const Lanes ax = load(m.ax, i), ay = load(m.ay, i), az = load(m.az, i);
