@@ -174,6 +174,8 @@ void Search::conclude(TwoViewGeometry geometry, const Transform& b_from_a,
   const auto middle = parallax.begin() + parallax.size() / 2;
   std::nth_element(parallax.begin(), middle, parallax.end());
   result_.median_parallax_rad = *middle;
+  result_.has_parallax = geometry != TwoViewGeometry::rotation &&
+                         result_.median_parallax_rad > transfer_widening * limit_rad_;
 }
 
 bool Search::conclude_rotation() {

@@ -1492,6 +1492,10 @@ class Reconstruction:
         """PictureFate, one a picture."""
 
     @property
+    def fates_if_unposed(self) -> list[PictureFate]:
+        """PictureFate, one a picture: what it would be, had it no pose."""
+
+    @property
     def points_in_world(self) -> NDArray[numpy.float64]:
         """(N, 3)."""
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,13 +106,13 @@ def measure_depth(  # noqa: PLR0913, all by name
     )
     poses = [pose for pose in found.camera_from_world if pose is not None]
     if len(poses) < 2:
-        return _refused(camera, cause_of(_worst(found), greys, camera))
+        return _refused(camera, cause_of(_worst(found.fates), greys))
     pixels, pixels_in_second = _matches(found)
     if len(pixels) < max(FEWEST, LEAST_SHARE * found.track_count):
-        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
+        return _refused(camera, cause_of(_worst(found.fates_if_unposed), greys))
     pixels, rays = _refined(greys, camera, pixels, pixels_in_second)
     if len(pixels) < FEWEST:
-        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
+        return _refused(camera, cause_of(_worst(found.fates_if_unposed), greys))
     views = refine_two_views(rays, poses[1] @ poses[0].inverse())
     return _measured(camera, pixels, rays, views, baseline_m, baseline_sigma_m)
 
@@ -217,10 +217,10 @@ def _refused(camera: Camera, fate: PictureFate) -> Depth:
     )  # fmt: skip
 
 
-def _worst(found: Reconstruction) -> PictureFate:
+def _worst(fates: Sequence[PictureFate]) -> PictureFate:
     """Return what keeps two pictures apart: one's lack of detail explains all else."""
     order = list(REFUSALS)
-    return min((f for f in found.fates if f is not PictureFate.posed), key=order.index)
+    return min((f for f in fates if f is not PictureFate.posed), key=order.index)
 
 
 def _matches(found: Reconstruction) -> tuple[Array, Array]:
