@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from pilotage import Camera, PictureFate, Transform
 from pilotage.behaviors.depth_refusals import REFUSALS, cause_of
 from pilotage.behaviors.reconstruct import check_size, read_greys
-from pilotage.behaviors.two_views import Rays, TwoViews, depth_errors, depths, refine_two_views
 from pilotage.errors import InputError
 
 if TYPE_CHECKING:
     from pilotage import Reconstruction, ReconstructionConfig
+    from pilotage._core import TwoViews
     from pilotage.recordings.frames import Grey
 
 Array = NDArray[np.float64]
@@ -75,6 +75,15 @@ class Depth:
         return self.second_from_first is not None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rays:
+    """Matched rays (N, 3) with z = 1, and the standard errors (N, 2) of x and y of the second."""
+
+    first: Array
+    second: Array
+    sigma: Array
+
+
 def measure_depth(  # noqa: PLR0913, all by name
     first: Path | Grey,
     second: Path | Grey,
@@ -113,7 +122,10 @@ def measure_depth(  # noqa: PLR0913, all by name
     pixels, rays = _refined(greys, camera, pixels, pixels_in_second)
     if len(pixels) < FEWEST:
         return _refused(camera, cause_of(_worst(found.fates_if_unposed), greys))
-    views = refine_two_views(rays, poses[1] @ poses[0].inverse())
+    views = _core.refine_two_views(
+        rays_in_first=rays.first, rays_in_second=rays.second, sigma=rays.sigma,
+        second_from_first=poses[1] @ poses[0].inverse(),
+    )  # fmt: skip
     return _measured(camera, pixels, rays, views, baseline_m, baseline_sigma_m)
 
 
@@ -144,12 +156,13 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     baseline_m: float,
     baseline_sigma_m: float,
 ) -> Depth:
-    depth = depths(views.second_from_first, rays)
-    of_pixel, of_motion = depth_errors(views, rays)
+    depth = views.depths
     of_baseline = depth * baseline_sigma_m / baseline_m
-    sigma = np.sqrt(of_pixel**2 + of_motion**2 + of_baseline**2)
+    sigma = np.sqrt(
+        views.depth_sigmas_of_pixels**2 + views.depth_sigmas_of_motion**2 + of_baseline**2
+    )
     fits = np.isfinite(depth) & (depth > 0)
-    fits &= np.abs(views.residual) < OUTLIER_SIGMA
+    fits &= np.abs(views.residuals) < OUTLIER_SIGMA
     is_near = fits & (sigma < WORST_ERROR * depth)
     is_near &= _is_confirmed(pixels, depth, sigma, is_near)
     direction_sigma = math.sqrt(max(np.linalg.eigvalsh(views.covariance[3:, 3:])))
