@@ -49,6 +49,8 @@ void bind_result(nb::module_& m) {
       .def_ro("camera_from_world", &Reconstruction::camera_from_world,
               "One a picture, None where it has no pose.")
       .def_ro("fates", &Reconstruction::fates, "PictureFate, one a picture.")
+      .def_ro("fates_if_unposed", &Reconstruction::fates_if_unposed,
+              "PictureFate, one a picture: what it would be, had it no pose.")
       .def_prop_ro(
           "points_in_world",
           [](const Reconstruction& r) { return to_numpy(std::vector(r.points_in_world)); },

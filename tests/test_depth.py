@@ -18,6 +18,7 @@ from pilotage.behaviors.depth import Depth, measure_depth
 from pilotage.behaviors.obstacles import distance_at, find_ground, find_obstacles
 from pilotage.errors import InputError
 from pilotage.models.ply import read_ply
+from pilotage.recordings.pictures import decode_grey
 
 BASELINE_M = 0.11
 LENS = PinholeCamera(640, 480, 545.0, 545.0, 321.0, 238.0)
@@ -260,3 +261,15 @@ def test_pictures_that_do_not_fit_are_named(files: Path, tmp_path: Path):
         done = depth_of(files, "--baseline-m", BASELINE_M, "-o", tmp_path / "out", second=second)
         assert done.exit_code == 2
         assert words in said(done)
+
+
+def test_each_picture_is_decoded_once(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    decoded = []
+
+    def watched(data: bytes, file: Path | str) -> np.ndarray:
+        decoded.append(Path(file).stem)
+        return decode_grey(data, file)
+
+    monkeypatch.setattr("pilotage.recordings.pictures.decode_grey", watched)
+    assert depth_of(files, "--baseline-m", BASELINE_M, "-o", tmp_path / "out").exit_code == 0
+    assert decoded == ["standing", "crouching"]

@@ -24,6 +24,7 @@ from pilotage.results import (
     TUM,
     TUM_LIVE,
     ResultsFolder,
+    claim_folder,
     is_results_folder,
     ply_bytes,
     read_results,
@@ -165,6 +166,25 @@ def test_earlier_results_are_replaced_only_when_told_to(tmp_path: Path):
         pass
     with ResultsFolder(out, overwrite=True):
         assert not (out / POSES).exists()
+
+
+def test_a_claimed_folder_loses_what_a_run_left_and_nothing_else(tmp_path: Path):
+    for name in ("table.csv", "notes.txt", "pairs/a/poses.csv", "pairs/b/poses.csv", "pairs/b/own"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    claim_folder(tmp_path, ("table.csv", SUMMARY, "pairs/*/poses.csv", "pairs/*/", "pairs/"))
+    left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
+    assert left == {SUMMARY, "notes.txt", "pairs", "pairs/b", "pairs/b/own"}
+    assert is_results_folder(tmp_path)
+    (tmp_path / "pairs/b/own").unlink()
+    claim_folder(tmp_path, ("pairs/*/", "pairs/"))
+    assert not (tmp_path / "pairs").exists()
+
+
+def test_a_folder_that_cannot_be_cleared_is_named(tmp_path: Path):
+    (tmp_path / "depth.csv").mkdir()
+    with pytest.raises(InputError, match="cannot use"):
+        claim_folder(tmp_path, ("depth.csv",))
 
 
 def test_file_in_the_way_is_refused(tmp_path: Path):

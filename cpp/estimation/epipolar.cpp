@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "estimation/lanes.hpp"
 #include "estimation/null_vector.hpp"
-#include "geometry/dispatch.hpp"
 #include "geometry/transform.hpp"
 
 namespace pilotage {
@@ -15,22 +15,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 
-constexpr int lanes = 8;
-typedef float Lanes __attribute__((vector_size(lanes * sizeof(float)), aligned(4), may_alias));
 typedef double Doubles __attribute__((vector_size(4 * sizeof(double))));
-
-/// By rows.
-using FloatMatrix = std::array<float, 9>;
-
-FloatMatrix to_float(const Matrix3d& m) {
-  FloatMatrix result;
-  for (int i = 0; i < 9; ++i) result[i] = static_cast<float>(m(i / 3, i % 3));
-  return result;
-}
-
-PILOTAGE_INLINE Lanes load(const std::vector<float>& column, int i) {
-  return *reinterpret_cast<const Lanes*>(column.data() + i);
-}
 
 struct Residuals {
   Lanes algebraic;   ///< b^T F a

@@ -6,9 +6,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
-#include <string>
 
+#include "estimation/check_matches.hpp"
 #include "estimation/epipolar.hpp"
 #include "estimation/homography.hpp"
 #include "estimation/ransac.hpp"
@@ -299,17 +298,7 @@ EpipolarCheck Search::run(std::span<const float> qualities) {
 
 EpipolarCheck find_blunders(std::span<const Vector2d> points_a, std::span<const Vector2d> points_b,
                             const EpipolarOptions& options, std::span<const float> qualities) {
-  const std::size_t count = points_a.size();
-  if (points_b.size() != count || (!qualities.empty() && qualities.size() != count)) {
-    throw std::invalid_argument(std::to_string(count) + " points in one picture, " +
-                                std::to_string(points_b.size()) + " in the other, " +
-                                std::to_string(qualities.size()) + " qualities");
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!points_a[i].allFinite() || !points_b[i].allFinite()) {
-      throw std::invalid_argument("match " + std::to_string(i) + " is not finite");
-    }
-  }
+  check_matches(points_a, points_b, qualities);
   return Search(points_a, points_b, options).run(qualities);
 }
 

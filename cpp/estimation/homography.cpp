@@ -7,13 +7,12 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
-#include <stdexcept>
-#include <string>
 
+#include "estimation/check_matches.hpp"
 #include "estimation/false_alarms.hpp"
+#include "estimation/lanes.hpp"
 #include "estimation/null_vector.hpp"
 #include "estimation/ransac.hpp"
-#include "geometry/dispatch.hpp"
 
 namespace pilotage {
 namespace {
@@ -27,8 +26,6 @@ constexpr int final_rounds = 6;
 constexpr int final_refitted = 5000;
 /// A thousand pairs of different things may give one false map.
 const double log_alarms = std::log(1e-3);
-constexpr int lanes = 8;
-typedef float Lanes __attribute__((vector_size(lanes * sizeof(float)), aligned(4), may_alias));
 
 Eigen::Matrix3d by_rows(const Vector9d& v) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(v.data());
@@ -41,10 +38,6 @@ std::array<Vector9d, 2> equations(const EpipolarMatches& m, int i) {
   rows[0] << -ax, -ay, -1, 0, 0, 0, bx * ax, bx * ay, bx;
   rows[1] << 0, 0, 0, -ax, -ay, -1, by * ax, by * ay, by;
   return rows;
-}
-
-PILOTAGE_INLINE Lanes load(const std::vector<float>& column, int i) {
-  return *reinterpret_cast<const Lanes*>(column.data() + i);
 }
 
 /// Marks the candidates whose transferred point lies within `limit` (normalised); returns how many.
@@ -256,17 +249,7 @@ HomographyResult find_homography(std::span<const Vector2d> points_a,
                                  std::span<const Vector2d> points_b,
                                  const HomographyOptions& options,
                                  std::span<const float> qualities) {
-  const std::size_t count = points_a.size();
-  if (points_b.size() != count || (!qualities.empty() && qualities.size() != count)) {
-    throw std::invalid_argument(std::to_string(count) + " points in one picture, " +
-                                std::to_string(points_b.size()) + " in the other, " +
-                                std::to_string(qualities.size()) + " qualities");
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!points_a[i].allFinite() || !points_b[i].allFinite()) {
-      throw std::invalid_argument("match " + std::to_string(i) + " is not finite");
-    }
-  }
+  check_matches(points_a, points_b, qualities);
   return Search(points_a, points_b, options).run(qualities);
 }
 

@@ -8,10 +8,10 @@
 #include <stdexcept>
 #include <string>
 
+#include "estimation/lanes.hpp"
 #include "estimation/p3p.hpp"
 #include "estimation/ransac.hpp"
 #include "estimation/resection.hpp"
-#include "geometry/dispatch.hpp"
 
 namespace pilotage {
 namespace {
@@ -19,10 +19,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int lanes = 8;
 constexpr int block = 64;  ///< points between two looks whether a pose can still win
-typedef float Lanes __attribute__((vector_size(lanes * sizeof(float)), aligned(4), may_alias));
-
 constexpr float nearest_depth_m = 1e-3F;
 constexpr int refined_inliers = 60;  ///< as many as a local optimisation looks at
 constexpr int final_inliers = 150;
@@ -94,10 +91,6 @@ FloatPose to_float(const Transform& b_from_a) {
   for (int i = 0; i < 9; ++i) pose[i] = static_cast<float>(r(i / 3, i % 3));
   for (int i = 0; i < 3; ++i) pose[9 + i] = static_cast<float>(b_from_a.translation[i]);
   return pose;
-}
-
-PILOTAGE_INLINE Lanes load(const std::vector<float>& column, int i) {
-  return *reinterpret_cast<const Lanes*>(column.data() + i);
 }
 
 /// Capped squared residuals of eight matches.

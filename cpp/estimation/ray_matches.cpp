@@ -1,31 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "estimation/ray_matches.hpp"
 
-#include <array>
-
-#include "geometry/dispatch.hpp"
+#include "estimation/lanes.hpp"
 
 namespace pilotage {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-constexpr int lanes = 8;
-typedef float Lanes __attribute__((vector_size(lanes * sizeof(float)), aligned(4), may_alias));
-
-/// By rows.
-using FloatMatrix = std::array<float, 9>;
-
-FloatMatrix to_float(const Matrix3d& m) {
-  FloatMatrix result;
-  for (int i = 0; i < 9; ++i) result[i] = static_cast<float>(m(i / 3, i % 3));
-  return result;
-}
-
-PILOTAGE_INLINE Lanes load(const std::vector<float>& column, int i) {
-  return *reinterpret_cast<const Lanes*>(column.data() + i);
-}
 
 PILOTAGE_INLINE Lanes epipolar_error(const RayMatches& m, const FloatMatrix& e, int i) {
   const Lanes ax = load(m.ax, i), ay = load(m.ay, i), az = load(m.az, i);
@@ -58,6 +40,34 @@ PILOTAGE_INLINE Lanes transfer_error(const RayMatches& m, const FloatMatrix& h, 
   return along >= 0 ? error : behind;
 }
 
+using ErrorOf = Lanes (*)(const RayMatches&, const FloatMatrix&, int);
+
+template <ErrorOf error_of>
+PILOTAGE_INLINE void all_errors(const RayMatches& m, const Matrix3d& geometry,
+                                std::vector<float>& squared) {
+  squared.resize(m.padded);
+  const FloatMatrix g = to_float(geometry);
+  for (int i = 0; i < m.padded; i += lanes) {
+    *reinterpret_cast<Lanes*>(squared.data() + i) = error_of(m, g, i);
+  }
+}
+
+template <ErrorOf error_of>
+PILOTAGE_INLINE float capped_sum(const RayMatches& m, const Matrix3d& geometry, float cap,
+                                 float limit) {
+  const FloatMatrix g = to_float(geometry);
+  float total = 0;
+  for (int begin = 0; begin < m.padded && total < limit; begin += RayMatches::block) {
+    Lanes sum{};
+    for (int i = begin; i < begin + RayMatches::block; i += lanes) {
+      const Lanes error = error_of(m, g, i), caps = Lanes{} + cap;
+      sum += error < caps ? error : caps;
+    }
+    for (int lane = 0; lane < lanes; ++lane) total += sum[lane];
+  }
+  return total;
+}
+
 }  // namespace
 
 RayMatches::RayMatches(std::span<const Vector3d> a, std::span<const Vector3d> b)
@@ -77,50 +87,22 @@ RayMatches::RayMatches(std::span<const Vector3d> a, std::span<const Vector3d> b)
 
 PILOTAGE_KERNEL void epipolar_errors(const RayMatches& m, const Matrix3d& essential,
                                      std::vector<float>& squared) {
-  squared.resize(m.padded);
-  const FloatMatrix e = to_float(essential);
-  for (int i = 0; i < m.padded; i += lanes) {
-    *reinterpret_cast<Lanes*>(squared.data() + i) = epipolar_error(m, e, i);
-  }
+  all_errors<epipolar_error>(m, essential, squared);
 }
 
 PILOTAGE_KERNEL float epipolar_cost(const RayMatches& m, const Matrix3d& essential, float cap,
                                     float limit) {
-  const FloatMatrix e = to_float(essential);
-  float total = 0;
-  for (int begin = 0; begin < m.padded && total < limit; begin += RayMatches::block) {
-    Lanes sum{};
-    for (int i = begin; i < begin + RayMatches::block; i += lanes) {
-      const Lanes error = epipolar_error(m, e, i), caps = Lanes{} + cap;
-      sum += error < caps ? error : caps;
-    }
-    for (int lane = 0; lane < lanes; ++lane) total += sum[lane];
-  }
-  return total;
+  return capped_sum<epipolar_error>(m, essential, cap, limit);
 }
 
 PILOTAGE_KERNEL void transfer_errors(const RayMatches& m, const Matrix3d& homography,
                                      std::vector<float>& squared) {
-  squared.resize(m.padded);
-  const FloatMatrix h = to_float(homography);
-  for (int i = 0; i < m.padded; i += lanes) {
-    *reinterpret_cast<Lanes*>(squared.data() + i) = transfer_error(m, h, i);
-  }
+  all_errors<transfer_error>(m, homography, squared);
 }
 
 PILOTAGE_KERNEL float transfer_cost(const RayMatches& m, const Matrix3d& homography, float cap,
                                     float limit) {
-  const FloatMatrix h = to_float(homography);
-  float total = 0;
-  for (int begin = 0; begin < m.padded && total < limit; begin += RayMatches::block) {
-    Lanes sum{};
-    for (int i = begin; i < begin + RayMatches::block; i += lanes) {
-      const Lanes error = transfer_error(m, h, i), caps = Lanes{} + cap;
-      sum += error < caps ? error : caps;
-    }
-    for (int lane = 0; lane < lanes; ++lane) total += sum[lane];
-  }
-  return total;
+  return capped_sum<transfer_error>(m, homography, cap, limit);
 }
 
 }  // namespace pilotage

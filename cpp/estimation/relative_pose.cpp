@@ -4,9 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <stdexcept>
-#include <string>
 
+#include "estimation/check_matches.hpp"
 #include "estimation/essential.hpp"
 #include "estimation/false_alarms.hpp"
 #include "estimation/motion_vote.hpp"
@@ -175,6 +174,8 @@ void Search::conclude(TwoViewGeometry geometry, const Transform& b_from_a,
   const auto middle = parallax.begin() + parallax.size() / 2;
   std::nth_element(parallax.begin(), middle, parallax.end());
   result_.median_parallax_rad = *middle;
+  result_.has_parallax = geometry != TwoViewGeometry::rotation &&
+                         result_.median_parallax_rad > transfer_widening * limit_rad_;
 }
 
 bool Search::conclude_rotation() {
@@ -242,18 +243,7 @@ RelativePose Search::run(std::span<const float> qualities) {
 RelativePose find_relative_pose(std::span<const Vector3d> rays_a, std::span<const Vector3d> rays_b,
                                 const RelativePoseOptions& options,
                                 std::span<const float> qualities) {
-  const std::size_t count = rays_a.size();
-  if (rays_b.size() != count || (!qualities.empty() && qualities.size() != count)) {
-    throw std::invalid_argument(std::to_string(count) + " rays in one picture, " +
-                                std::to_string(rays_b.size()) + " in the other, " +
-                                std::to_string(qualities.size()) + " qualities");
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (!(rays_a[i].squaredNorm() > 0 && rays_b[i].squaredNorm() > 0) || !rays_a[i].allFinite() ||
-        !rays_b[i].allFinite()) {
-      throw std::invalid_argument("rays of match " + std::to_string(i) + " are null or not finite");
-    }
-  }
+  check_matches(rays_a, rays_b, qualities);
   return Search(rays_a, rays_b, options).run(qualities);
 }
 

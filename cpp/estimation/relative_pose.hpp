@@ -41,6 +41,9 @@ struct RelativePose {
   int homography_inlier_count = 0;  ///< matches that one plane, or a turn, explains
   /// Median over the inliers of the angle between both rays, the rotation taken out.
   double median_parallax_rad = 0;
+  /// That median is more than noise of the sigma told makes of a match; without, the camera may
+  /// have turned only, whatever else explains the pictures a little better.
+  bool has_parallax = false;
   /// ray_b^T essential ray_a = 0, singular values 1, 1, 0; zero for a rotation and none.
   Eigen::Matrix3d essential = Eigen::Matrix3d::Zero();
   /// ray_b ~ homography * ray_a, of the plane that explains most; zero if none was found.

@@ -235,6 +235,24 @@ BOOST_AUTO_TEST_CASE(noise_may_be_half_or_twice_what_was_told) {
   }
 }
 
+BOOST_AUTO_TEST_CASE(a_turn_through_a_lens_badly_known_has_no_parallax) {
+  Random random(49);
+  const Transform turn{rotation_exp({0.02, 0.1, -0.05}), Vector3d::Zero()};
+  for (int trial = 0; trial < 10; ++trial) {
+    Matches m = make_matches(random, 300, turn, Scene::deep, 0.1, 0.1);
+    for (Vector3d& ray : m.b) {
+      ray /= ray.z();
+      ray.head<2>() *= 1 + 0.02 * ray.head<2>().squaredNorm();
+    }
+    const RelativePose pose = find_relative_pose(m.a, m.b, {});
+    BOOST_TEST((pose.geometry == TwoViewGeometry::general));
+    BOOST_TEST(!pose.has_parallax);
+    const Matches moved =
+        make_matches(random, 300, {turn.rotation, Vector3d(0.3, 0, 0.05)}, Scene::deep, 0.5, 0.3);
+    BOOST_TEST(find_relative_pose(moved.a, moved.b, {}).has_parallax);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(relative_pose_refuses_bad_input) {
   std::vector<Vector3d> rays(20, Vector3d(0, 0, 1));
   BOOST_CHECK_THROW(find_relative_pose(rays, std::span(rays).first(10), {}), std::invalid_argument);

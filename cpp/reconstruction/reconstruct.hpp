@@ -35,6 +35,7 @@ struct PointView {
 struct Reconstruction {
   std::vector<std::optional<Transform>> camera_from_world;  ///< one a picture
   std::vector<PictureFate> fates;
+  std::vector<PictureFate> fates_if_unposed;  ///< those of posed ones, had they no pose
   std::vector<Matrix6d>
       pose_covariances;  ///< left perturbation of world_from_camera; of posed ones
   std::vector<Eigen::Vector3d> points_in_world;

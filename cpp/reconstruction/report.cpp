@@ -10,15 +10,14 @@ namespace {
 /// A picture with fewer features says nothing.
 constexpr int few_features = 50;
 
-PictureFate fate_of(const Scene& scene, int k, const DescribedPicture& described,
-                    const std::vector<ViewPair>& pairs) {
-  if (scene.camera_from_world(k)) return PictureFate::posed;
+PictureFate fate_if_unposed(int k, const DescribedPicture& described,
+                            const std::vector<ViewPair>& pairs) {
   if (static_cast<int>(described.rays.size()) < few_features) return PictureFate::few_features;
   bool is_matched = false, has_parallax = false;
   for (const ViewPair& pair : pairs) {
     if (pair.matches.a != k && pair.matches.b != k) continue;
     is_matched = true;
-    has_parallax = has_parallax || pair.geometry.geometry != TwoViewGeometry::rotation;
+    has_parallax = has_parallax || pair.geometry.has_parallax;
   }
   if (!is_matched) return PictureFate::no_matches;
   return has_parallax ? PictureFate::not_connected : PictureFate::no_parallax;
@@ -64,9 +63,12 @@ Reconstruction report(const Scene& scene, std::span<const DescribedPicture> desc
   const std::size_t count = pictures.size();
   result.camera_from_world.resize(count);
   result.fates.resize(count);
+  result.fates_if_unposed.resize(count);
   for (int k = 0; k < static_cast<int>(count); ++k) {
     result.camera_from_world[order[k]] = scene.camera_from_world(k);
-    result.fates[order[k]] = fate_of(scene, k, described[k], pairs);
+    const PictureFate unposed = fate_if_unposed(k, described[k], pairs);
+    result.fates_if_unposed[order[k]] = unposed;
+    result.fates[order[k]] = scene.camera_from_world(k) ? PictureFate::posed : unposed;
     result.feature_count += static_cast<int>(described[k].rays.size());
   }
   result.pair_count = static_cast<int>(pairs.size());

@@ -62,6 +62,7 @@ struct SyntheticWalk {
     b_from_a.translation.normalize();
     pair.geometry.b_from_a = b_from_a;
     pair.geometry.geometry = TwoViewGeometry::general;
+    pair.geometry.has_parallax = true;
     return pair;
   }
 

@@ -873,6 +873,54 @@ def judge(
     Quality of a pose; `matches` went into the search for it, blunders included.
     """
 
+class TwoViews:
+    """
+    The geometry of two pictures and the depths it gives, the distance of the two being 1.
+    """
+
+    @property
+    def second_from_first(self) -> Transform: ...
+    @property
+    def covariance(self) -> Annotated[NDArray[numpy.float64], dict(shape=(5, 5), order="F")]:
+        """
+        (5, 5): three rotations (left perturbation, rad) and two of the direction, rad.
+        """
+
+    @property
+    def scale(self) -> float:
+        """What the standard errors of the rays must be multiplied with."""
+
+    @property
+    def residuals(self) -> NDArray[numpy.float64]:
+        """
+        (N,) distances of second rays from their epipolar lines, in standard errors.
+        """
+
+    @property
+    def depths(self) -> NDArray[numpy.float64]:
+        """(N,) along z of the first camera, negative where rays meet behind it."""
+
+    @property
+    def depth_sigmas_of_pixels(self) -> NDArray[numpy.float64]:
+        """(N,) standard errors that the rays leave."""
+
+    @property
+    def depth_sigmas_of_motion(self) -> NDArray[numpy.float64]:
+        """(N,) standard errors that the motion leaves."""
+
+def refine_two_views(
+    *,
+    rays_in_first: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), writable=False)],
+    rays_in_second: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), writable=False)],
+    sigma: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), writable=False)],
+    second_from_first: Transform,
+) -> TwoViews:
+    """
+    TwoViews of matched rays (N, 3) with z = 1, each in its own camera, from a first guess; sigma
+    (N, 2): standard errors of x and y of the second ones. ValueError for lengths that differ and
+    fewer than five.
+    """
+
 class PosePrior:
     """
     Gaussian knowledge of the first poses: 1/2 d^T information d + gradient^T d, d_i = log(T_i linearisation_i^-1), (translation, rotation).
@@ -1490,6 +1538,10 @@ class Reconstruction:
     @property
     def fates(self) -> list[PictureFate]:
         """PictureFate, one a picture."""
+
+    @property
+    def fates_if_unposed(self) -> list[PictureFate]:
+        """PictureFate, one a picture: what it would be, had it no pose."""
 
     @property
     def points_in_world(self) -> NDArray[numpy.float64]:

@@ -56,6 +56,7 @@ FILES = (
 )
 JUDGE_FILES = (JUDGE, JUDGE_LIVE)  # beside them, of several stereo pairs
 PAIR_FILES = (CALIBRATION, POSES, POSES_LIVE, TUM, TUM_LIVE, KITTI)
+PAIR_PATTERNS = (*(f"{PAIRS}/*/{name}" for name in PAIR_FILES), f"{PAIRS}/*/", f"{PAIRS}/")
 
 
 class ResultsFolder:
@@ -72,20 +73,7 @@ class ResultsFolder:
 
     def __enter__(self) -> Self:
         check_free(self.path, overwrite=self._overwrite)
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot use {self.path} for results: {error.strerror}") from error
-        # Marks the folder as ours from the first moment on, and as unfinished should we be killed:
-        # also while what an earlier run left is removed.
-        self.write_summary({"state": "running"})
-        try:
-            for name in (*FILES, *JUDGE_FILES):
-                if name != SUMMARY:
-                    (self.path / name).unlink(missing_ok=True)
-            _clear_pairs(self.path / PAIRS)
-        except OSError as error:
-            raise InputError(f"cannot use {self.path} for results: {error.strerror}") from error
+        claim_folder(self.path, (*FILES, *JUDGE_FILES, *PAIR_PATTERNS))
         for name in (POSES_LIVE, TUM_LIVE):
             self._live[name] = LineFile(self.path / name)
         self._live[POSES_LIVE].append(csv_header())
@@ -224,17 +212,6 @@ def pair_folders(names: Iterable[str]) -> dict[str, str]:
     return folders
 
 
-def _clear_pairs(path: Path) -> None:
-    """Remove what an earlier run left for each pair, and nothing else."""
-    for folder in sorted(path.glob("*/")):
-        for name in PAIR_FILES:
-            (folder / name).unlink(missing_ok=True)
-        if not any(folder.iterdir()):
-            folder.rmdir()
-    if path.is_dir() and not any(path.iterdir()):
-        path.rmdir()
-
-
 def check_free(path: Path, *, overwrite: bool) -> None:
     """Raise InputError unless `path` is new, empty, or holds earlier results to be replaced."""
     if not path.exists():
@@ -247,6 +224,29 @@ def check_free(path: Path, *, overwrite: bool) -> None:
         raise InputError(f"{path} holds other things than results; choose another folder")
     if not overwrite:
         raise InputError(f"{path} holds earlier results; choose another folder or give --overwrite")
+
+
+def claim_folder(path: Path, patterns: Iterable[str]) -> None:
+    """Make the folder, mark it as ours and unfinished, and remove what an earlier run left in it.
+
+    `patterns` are names or globs of the files a run of this kind writes, `pairs/*/poses.csv`; one
+    that ends in `/` names folders, which go where they are empty. Nothing else is touched.
+    InputError where the folder cannot be used; whether it may be is asked by `check_free`.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        # Before anything is removed: ours from the first moment on, and unfinished should we be
+        # killed.
+        write_json(path / SUMMARY, {"program": "pilotage", "state": "running"})
+        for pattern in patterns:
+            for left in sorted(path.glob(pattern)):
+                if not pattern.endswith("/"):
+                    if left != path / SUMMARY:
+                        left.unlink()
+                elif not any(left.iterdir()):
+                    left.rmdir()
+    except OSError as error:
+        raise InputError(f"cannot use {path} for results: {error.strerror}") from error
 
 
 def is_results_folder(path: Path) -> bool:

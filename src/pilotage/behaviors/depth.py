@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from pilotage import Camera, PictureFate, Transform
 from pilotage.behaviors.depth_refusals import REFUSALS, cause_of
-from pilotage.behaviors.two_views import Rays, TwoViews, depth_errors, depths, refine_two_views
+from pilotage.behaviors.reconstruct import check_size, read_greys
 from pilotage.errors import InputError
-from pilotage.recordings.pictures import PictureError, read_grey
 
 if TYPE_CHECKING:
     from pilotage import Reconstruction, ReconstructionConfig
+    from pilotage._core import TwoViews
     from pilotage.recordings.frames import Grey
 
 Array = NDArray[np.float64]
@@ -75,6 +75,15 @@ class Depth:
         return self.second_from_first is not None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rays:
+    """Matched rays (N, 3) with z = 1, and the standard errors (N, 2) of x and y of the second."""
+
+    first: Array
+    second: Array
+    sigma: Array
+
+
 def measure_depth(  # noqa: PLR0913, all by name
     first: Path | Grey,
     second: Path | Grey,
@@ -106,14 +115,17 @@ def measure_depth(  # noqa: PLR0913, all by name
     )
     poses = [pose for pose in found.camera_from_world if pose is not None]
     if len(poses) < 2:
-        return _refused(camera, cause_of(_worst(found), greys, camera))
+        return _refused(camera, cause_of(_worst(found.fates), greys))
     pixels, pixels_in_second = _matches(found)
     if len(pixels) < max(FEWEST, LEAST_SHARE * found.track_count):
-        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
+        return _refused(camera, cause_of(_worst(found.fates_if_unposed), greys))
     pixels, rays = _refined(greys, camera, pixels, pixels_in_second)
     if len(pixels) < FEWEST:
-        return _refused(camera, cause_of(PictureFate.not_connected, greys, camera))
-    views = refine_two_views(rays, poses[1] @ poses[0].inverse())
+        return _refused(camera, cause_of(_worst(found.fates_if_unposed), greys))
+    views = _core.refine_two_views(
+        rays_in_first=rays.first, rays_in_second=rays.second, sigma=rays.sigma,
+        second_from_first=poses[1] @ poses[0].inverse(),
+    )  # fmt: skip
     return _measured(camera, pixels, rays, views, baseline_m, baseline_sigma_m)
 
 
@@ -144,12 +156,13 @@ def _measured(  # noqa: PLR0913, PLR0917, all that a depth is made of
     baseline_m: float,
     baseline_sigma_m: float,
 ) -> Depth:
-    depth = depths(views.second_from_first, rays)
-    of_pixel, of_motion = depth_errors(views, rays)
+    depth = views.depths
     of_baseline = depth * baseline_sigma_m / baseline_m
-    sigma = np.sqrt(of_pixel**2 + of_motion**2 + of_baseline**2)
+    sigma = np.sqrt(
+        views.depth_sigmas_of_pixels**2 + views.depth_sigmas_of_motion**2 + of_baseline**2
+    )
     fits = np.isfinite(depth) & (depth > 0)
-    fits &= np.abs(views.residual) < OUTLIER_SIGMA
+    fits &= np.abs(views.residuals) < OUTLIER_SIGMA
     is_near = fits & (sigma < WORST_ERROR * depth)
     is_near &= _is_confirmed(pixels, depth, sigma, is_near)
     direction_sigma = math.sqrt(max(np.linalg.eigvalsh(views.covariance[3:, 3:])))
@@ -217,10 +230,10 @@ def _refused(camera: Camera, fate: PictureFate) -> Depth:
     )  # fmt: skip
 
 
-def _worst(found: Reconstruction) -> PictureFate:
+def _worst(fates: Sequence[PictureFate]) -> PictureFate:
     """Return what keeps two pictures apart: one's lack of detail explains all else."""
     order = list(REFUSALS)
-    return min((f for f in found.fates if f is not PictureFate.posed), key=order.index)
+    return min((f for f in fates if f is not PictureFate.posed), key=order.index)
 
 
 def _matches(found: Reconstruction) -> tuple[Array, Array]:
@@ -265,18 +278,9 @@ def _rays(camera: Camera, pixels: Array) -> Array:
 
 
 def _grey(picture: Path | Grey, camera: Camera) -> Grey:
-    name = "an array"
     if isinstance(picture, Path):
-        name = str(picture)
-        try:
-            picture = read_grey(picture)
-        except PictureError as error:
-            raise InputError(str(error)) from None
+        return read_greys([picture], camera)[0]
     if picture.ndim != 2 or picture.dtype != np.uint8:
-        raise InputError(f"{name}: a picture must be (height, width) of uint8")
-    if picture.shape != (camera.height_px, camera.width_px):
-        raise InputError(
-            f"{name}: {picture.shape[1]}x{picture.shape[0]} pixels, its camera has"
-            f" {camera.width_px}x{camera.height_px}; calibrate at the pictures' size"
-        )
+        raise InputError("an array: a picture must be (height, width) of uint8")
+    check_size("an array", picture, camera)
     return picture

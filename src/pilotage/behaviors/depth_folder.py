@@ -17,12 +17,12 @@ from pilotage import __version__
 from pilotage.atomic_files import write_atomically, write_each
 from pilotage.behaviors.depth import Depth, check_baseline, measure_depth
 from pilotage.behaviors.depth_picture import depth_picture
-from pilotage.behaviors.model_folder import camera_of
+from pilotage.behaviors.model_folder import camera_of, read_first
 from pilotage.behaviors.obstacles import Obstacle, distance_at, find_ground, find_obstacles
+from pilotage.behaviors.reconstruct import read_greys
 from pilotage.errors import InputError
 from pilotage.provenance import program_commit
-from pilotage.recordings.pictures import read_grey
-from pilotage.results import CLOUD, SUMMARY, check_free, ply_bytes, write_json
+from pilotage.results import CLOUD, SUMMARY, check_free, claim_folder, ply_bytes, write_json
 
 if TYPE_CHECKING:
     from pilotage import ReconstructionConfig
@@ -58,7 +58,8 @@ def depth_folder(  # noqa: PLR0913, all by name
         raise InputError(
             f"height of the camera {camera_height_m:g} m: must be over 0, to {HIGHEST_M:g}"
         )
-    camera = camera_of([first], first.parent, calibration, fov_deg)
+    grey = read_first(first)
+    camera = camera_of(grey, first.parent, calibration, fov_deg)
     for x, y in at:
         if not (0 <= x <= camera.width_px - 1 and 0 <= y <= camera.height_px - 1):
             raise InputError(
@@ -67,27 +68,16 @@ def depth_folder(  # noqa: PLR0913, all by name
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
     depth = measure_depth(
-        first, second, camera=camera, baseline_m=baseline_m,
+        *read_greys([first, second], camera, first=grey), camera=camera, baseline_m=baseline_m,
         baseline_sigma_m=baseline_sigma_m, config=config,
     )  # fmt: skip
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(depth, first, second, at) | _ground(depth, camera_height_m) | cost
-    _begin(out)
-    errors = write_each(_writes(out, depth, read_grey(first), summary))
+    claim_folder(out, (CLOUD, TABLE, PICTURE))
+    errors = write_each(_writes(out, depth, grey, summary))
     if errors:
         raise errors[0]
     return summary
-
-
-def _begin(out: Path) -> None:
-    """Mark the folder as ours and unfinished, and take away what an earlier run left."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
-    write_json(out / SUMMARY, {"program": "pilotage", "state": "running"})
-    for name in (CLOUD, TABLE, PICTURE):
-        (out / name).unlink(missing_ok=True)
 
 
 def _summary(

@@ -33,11 +33,15 @@ from pilotage.results import (
     SUMMARY,
     TUM,
     check_free,
+    claim_folder,
     write_json,
 )
 
 if TYPE_CHECKING:
     from pilotage import Camera, ReconstructionConfig
+    from pilotage.recordings.frames import Grey
+
+MODEL_FILES = (*FILES, CLOUD_WITH_CAMERAS, f"{COLMAP_TEXT}/*.*", f"{COLMAP_BINARY}/*.*")
 
 
 def reconstruct_folder(  # noqa: PLR0913, all by name
@@ -59,11 +63,12 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     files = list_pictures(pictures)
     if not files:
         raise InputError(f"{pictures}: holds no pictures; give a folder of them")
-    camera = camera_of(files, pictures, calibration, fov_deg)
+    first = read_first(files[0])
+    camera = camera_of(first, pictures, calibration, fov_deg)
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
-    greys = read_greys(files, camera)
-    _begin(out)
+    greys = read_greys(files, camera, first=first)
+    claim_folder(out, MODEL_FILES)
     names = [file.name for file in files]
     found = solve(greys, names, camera=camera, ordered=ordered, config=config)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
@@ -76,13 +81,22 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     return summary
 
 
-def camera_of(
-    files: list[Path], folder: Path, calibration: Path | None, fov_deg: float | None
-) -> Camera:
-    """Return the camera of a folder's pictures: of a calibration, or of a field of view."""
+def read_first(file: Path) -> Grey:
+    """Return the picture that tells the size of all; InputError where it is none."""
+    try:
+        return read_grey(file)
+    except PictureError as error:
+        raise InputError(str(error)) from None
+
+
+def camera_of(first: Grey, folder: Path, calibration: Path | None, fov_deg: float | None) -> Camera:
+    """Return the camera of a folder's pictures: of a calibration, or of a field of view.
+
+    `first` is one of them; they are all of its size.
+    """
     if calibration is not None and fov_deg is not None:
         raise InputError("--calibration and --fov-deg: give one of them")
-    size_px = _size_of(files[0])
+    size_px = first.shape[1], first.shape[0]
     if fov_deg is not None:
         return camera_of_view(size_px, fov_deg)
     try:
@@ -94,32 +108,6 @@ def camera_of(
         f"{folder}: holds no calibration of its camera; give --calibration, or --fov-deg with its"
         " horizontal field of view"
     )
-
-
-def _size_of(file: Path) -> tuple[int, int]:
-    try:
-        height, width = read_grey(file).shape
-    except PictureError as error:
-        raise InputError(str(error)) from None
-    return width, height
-
-
-def _begin(out: Path) -> None:
-    """Mark the folder as ours and unfinished, and take away what an earlier run left."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
-    write_json(out / SUMMARY, {"program": "pilotage", "state": "running"})
-    try:
-        for name in (*FILES, CLOUD_WITH_CAMERAS):
-            if name != SUMMARY:
-                (out / name).unlink(missing_ok=True)
-        for folder in (COLMAP_TEXT, COLMAP_BINARY):
-            for file in (out / folder).glob("*.*"):
-                file.unlink()
-    except OSError as error:
-        raise InputError(f"cannot use {out} for results: {error.strerror}") from error
 
 
 def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:

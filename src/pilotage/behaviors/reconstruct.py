@@ -91,20 +91,31 @@ def solve(
     )
 
 
-def read_greys(pictures: Sequence[Path], camera: Camera) -> list[Grey]:
-    """Return the pictures of files in grey; InputError names one that is not whole or not alike."""
+def read_greys(
+    pictures: Sequence[Path], camera: Camera, *, first: Grey | None = None
+) -> list[Grey]:
+    """Return the pictures of files in grey, the `first` one where it was read already.
+
+    InputError names one that is not whole or has another size than its camera.
+    """
+    known = [] if first is None else [first]
     try:
         with ThreadPoolExecutor(max_workers=2) as pool:
-            greys = list(pool.map(read_grey, pictures))
+            greys = [*known, *pool.map(read_grey, pictures[len(known) :])]
     except PictureError as error:
         raise InputError(str(error)) from None
     for file, grey in zip(pictures, greys, strict=True):
-        if grey.shape != (camera.height_px, camera.width_px):
-            raise InputError(
-                f"{file}: {grey.shape[1]}x{grey.shape[0]} pixels, its camera has"
-                f" {camera.width_px}x{camera.height_px}; calibrate at the pictures' size"
-            )
+        check_size(file, grey, camera)
     return greys
+
+
+def check_size(name: Path | str, grey: Grey, camera: Camera) -> None:
+    """Raise InputError unless a picture called `name` has its camera's size."""
+    if grey.shape != (camera.height_px, camera.width_px):
+        raise InputError(
+            f"{name}: {grey.shape[1]}x{grey.shape[0]} pixels, its camera has"
+            f" {camera.width_px}x{camera.height_px}; calibrate at the pictures' size"
+        )
 
 
 def _names(pictures: Sequence[Path]) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ def convert(  # noqa: PLR0913, PLR0917, an argument for each option
     calibration: options.Calibration = None,
     rate_hz: options.RateHz = None,
     pair: options.Pair = None,
-    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+    debug: options.Debug = False,
 ) -> None:
     """Example: pilotage convert recordings/street -o street.mcap --to mcap
 

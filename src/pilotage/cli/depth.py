@@ -20,12 +20,7 @@ def depth(  # noqa: PLR0913, PLR0917, an argument for each option
     ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the depths.")] = Path("out"),
     calibration: options.Calibration = None,
-    fov_deg: Annotated[
-        float | None,
-        typer.Option(
-            help="Horizontal field of view of a camera without calibration.", show_default=False
-        ),
-    ] = None,
+    fov_deg: options.FovDeg = None,
     at: Annotated[
         list[str] | None,
         typer.Option(
@@ -37,20 +32,10 @@ def depth(  # noqa: PLR0913, PLR0917, an argument for each option
         float | None,
         typer.Option(help="Of the first picture's camera, where known.", show_default=False),
     ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            help="Configuration YAML: what differs from the defaults.", show_default=False
-        ),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
-    ] = None,
-    overwrite: Annotated[
-        bool, typer.Option(help="Replace earlier results in that folder.")
-    ] = False,
-    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    overwrite: options.Overwrite = False,
+    debug: options.Debug = False,
 ) -> None:
     """Example: pilotage depth standing.png crouching.png --baseline-m 0.11 --fov-deg 60.9 -o d/
 

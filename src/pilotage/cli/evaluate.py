@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pilotage.cli import options
 from pilotage.cli.errors import errors_to_exit
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def evaluate(  # noqa: PLR0913, PLR0917, an argument for each option
         typer.Option(help="Length of a segment; may be repeated.", show_default=False),
     ] = None,
     report: Annotated[bool, typer.Option(help="Draw report.html anew.")] = True,
-    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+    debug: options.Debug = False,
 ) -> None:
     """Example: pilotage evaluate out/ --truth recordings/street/poses.txt
 

@@ -39,27 +39,17 @@ def localize(  # noqa: PLR0913, PLR0917, an argument for each option
             show_default=False,
         ),
     ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            help="Configuration YAML: what differs from the defaults.", show_default=False
-        ),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
-    ] = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
     rate_hz: options.RateHz = None,
     every: Annotated[int, typer.Option(help="Take each n-th pair only.")] = 1,
     start: Annotated[int, typer.Option(help="First pair to take, counted from 0.")] = 0,
     end: Annotated[
         int | None, typer.Option(help="First pair not to take any more.", show_default=False)
     ] = None,
-    report: Annotated[bool, typer.Option(help="Draw report.html.")] = True,
-    overwrite: Annotated[
-        bool, typer.Option(help="Replace earlier results in that folder.")
-    ] = False,
-    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+    report: options.Report = True,
+    overwrite: options.Overwrite = False,
+    debug: options.Debug = False,
 ) -> None:
     """Example: pilotage localize recordings/street -o out/
 

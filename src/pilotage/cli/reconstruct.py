@@ -17,30 +17,15 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
     pictures: Annotated[Path, typer.Argument(help="Folder of pictures of one camera.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the model.")] = Path("out"),
     calibration: options.Calibration = None,
-    fov_deg: Annotated[
-        float | None,
-        typer.Option(
-            help="Horizontal field of view of a camera without calibration.", show_default=False
-        ),
-    ] = None,
+    fov_deg: options.FovDeg = None,
     unordered: Annotated[
         bool, typer.Option("--unordered", help="The pictures do not follow each other.")
     ] = False,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            help="Configuration YAML: what differs from the defaults.", show_default=False
-        ),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change one setting; may be repeated."),
-    ] = None,
-    report: Annotated[bool, typer.Option(help="Draw report.html.")] = True,
-    overwrite: Annotated[
-        bool, typer.Option(help="Replace an earlier model in that folder.")
-    ] = False,
-    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    report: options.Report = True,
+    overwrite: options.Overwrite = False,
+    debug: options.Debug = False,
 ) -> None:
     """Example: pilotage reconstruct pictures/ --fov-deg 60.9 -o model/
 

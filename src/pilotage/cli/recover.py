@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pilotage.cli import options
 from pilotage.cli.errors import errors_to_exit, say_warning
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def recover(
             show_default=False,
         ),
     ] = None,
-    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+    debug: options.Debug = False,
 ) -> None:
     """Example: pilotage recover recordings/monday.mcap.part
 

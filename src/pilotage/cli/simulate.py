@@ -19,6 +19,7 @@ from pilotage.cli.errors import (
     say_warning,
     stop_on_terminate,
 )
+from pilotage.cli.options import Debug
 
 if TYPE_CHECKING:
     from pilotage.behaviors.stop_and_go import StopPlan
@@ -103,7 +104,7 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
     camera: Annotated[
         str, typer.Option(help="How its cameras err: good, ideal, realistic, or a YAML file.")
     ] = "good",
-    debug: Annotated[bool, typer.Option(help="Show where an error came from.")] = False,
+    debug: Debug = False,
 ) -> None:
     """Example: pilotage simulate yard --seed 7 --ground gravel --path closed-10m -o yard7
 
