@@ -40,21 +40,20 @@ void bind_account(nb::module_& m) {
           "__init__",
           [](WalkAccount* self, std::vector<int> stop_of_picture,
              std::vector<Transform> stop_from_camera, std::vector<Matrix6d> joint_covariances,
-             std::vector<std::optional<StepAccount>> steps, std::vector<int> postures,
-             double common_step_sigma, double height_sigma_m) {
+             std::vector<std::optional<StepAccount>> steps, double common_step_sigma,
+             double height_sigma_m) {
             new (self) WalkAccount{std::move(stop_of_picture),
                                    std::move(stop_from_camera),
                                    std::move(joint_covariances),
                                    std::move(steps),
-                                   std::move(postures),
                                    common_step_sigma,
                                    height_sigma_m};
           },
           nb::kw_only(), "stop_of_picture"_a, "stop_from_camera"_a, "joint_covariances"_a,
-          "steps"_a, "postures"_a, "common_step_sigma"_a = 0.05, "height_sigma_m"_a = 0.005,
+          "steps"_a, "common_step_sigma"_a = 0.05, "height_sigma_m"_a = 0.005,
           "Of each picture: its stop, ascending from 0, where its camera was in the stop by the "
           "joints, and the (6, 6) covariance of that (place in the stop's axes, turn about the "
-          "camera's own), and its posture, 0 standing, 1 crouching. Of each stop: its step, None "
+          "camera's own). Of each stop: its step, None "
           "for "
           "the first and where none is known. common_step_sigma: part of a length by which all "
           "steps err alike; height_sigma_m: of the cameras above the floor, by the legs.");
@@ -62,8 +61,8 @@ void bind_account(nb::module_& m) {
 
 void bind_lengths(nb::module_& m) {
   nb::enum_<LengthSource>(m, "LengthSource", "What tells how long a metre is in a model.")
-      .value("head", LengthSource::head, "The cameras' offsets while the head turns.")
-      .value("crouch", LengthSource::crouch, "How much lower a crouching robot's cameras are.")
+      .value("joints", LengthSource::joints,
+             "The cameras' offsets while the head turns and the legs crouch.")
       .value("steps", LengthSource::steps, "The way from stop to stop as the robot believes it.")
       .value("ground", LengthSource::ground, "The cameras' height above the floor they see.");
   nb::class_<LengthEstimate>(m, "LengthEstimate",

@@ -25,7 +25,6 @@ struct WalkAccount {
   /// Of (place in the stop's axes, turn about the camera's own axes), one a picture.
   std::vector<Matrix6d> joint_covariances;
   std::vector<std::optional<StepAccount>> steps;  ///< one a stop; the first has none
-  std::vector<int> postures;                      ///< of each picture: 0 standing, 1 crouching
   double common_step_sigma = 0.05;  ///< part of a length, by which all steps err alike
   double height_sigma_m = 0.005;    ///< of the cameras above the floor, by the legs
 

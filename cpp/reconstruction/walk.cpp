@@ -115,7 +115,7 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
     refine_features(scene, set, order, team);
     adjust_walk(scene, stops, config, final_rounds);
     // 7. Lengths by all that tells of them.
-    result.lengths = length_estimates(scene, stops);
+    result.lengths = length_estimates(scene, stops, config);
     if (const auto length = combined_length(result.lengths)) {
       result.length_factor = length->factor;
       result.length_sigma = length->sigma;

@@ -4,7 +4,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <map>
+
+#include "reconstruction/scene_adjustment.hpp"
 
 namespace pilotage {
 namespace {
@@ -15,89 +16,93 @@ constexpr double floor_height_m = 0.08, floor_reach_m = 2.5;
 constexpr double floor_window_m = 0.02;
 constexpr int min_floor_places = 30;
 
-/// Sums of the least squares problem measured = factor * in_model.
-struct Fit {
+/// Steps that say hardly anything are this much less sure of places.
+constexpr double weakened = 1e6;
+/// What a source leaves less sure than this says nothing.
+constexpr double max_sigma = 0.5;
+
+/// The account without the steps' lengths; turns are told as before.
+WalkAccount joints_only(WalkAccount account) {
+  for (auto& step : account.steps) {
+    if (!step) continue;
+    step->covariance.topRows<3>() *= std::sqrt(weakened);
+    step->covariance.leftCols<3>() *= std::sqrt(weakened);
+  }
+  return account;
+}
+
+/// rms distance of the cameras from their middle.
+double size_of(const Scene& scene) {
+  const std::vector<int> posed = scene.posed_pictures();
+  const double count = static_cast<double>(posed.size());
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const int k : posed) middle += scene.camera_from_world(k)->inverse().translation / count;
+  double squares = 0;
+  for (const int k : posed) {
+    squares += (scene.camera_from_world(k)->inverse().translation - middle).squaredNorm();
+  }
+  return std::sqrt(squares / count);
+}
+
+/// Standard error of the way from the first stop to the furthest, over that way.
+double sigma_of(const Scene& scene, const Stops& stops, const ReconstructionConfig& config) {
+  const std::vector<Matrix6d> covariances = stop_covariances(scene, stops, config);
+  int first = 0;
+  while (!stops.world_from_stop(first)) ++first;
+  double furthest = 0, sigma = 0;
+  for (int stop = first + 1; stop < stops.count(); ++stop) {
+    if (!stops.world_from_stop(stop)) continue;
+    const Eigen::Vector3d way =
+        stops.world_from_stop(stop)->translation - stops.world_from_stop(first)->translation;
+    const double length = way.norm();
+    if (length <= furthest) continue;
+    furthest = length;
+    Eigen::Matrix<double, 3, 6> place_from_left;
+    place_from_left << Eigen::Matrix3d::Identity(),
+        -cross_matrix(stops.world_from_stop(stop)->translation);
+    const Vector6d along = place_from_left.transpose() * way / length;
+    sigma = std::sqrt(along.dot(covariances[stop] * along)) / length;
+  }
+  return sigma;
+}
+
+/// By an adjustment in which only the joints tell of lengths.
+std::optional<LengthEstimate> by_joints(const Scene& scene, const Stops& stops,
+                                        const ReconstructionConfig& config) {
+  Stops alone(joints_only(stops.account()), scene.picture_count());
+  for (int stop = 0; stop < stops.count(); ++stop) {
+    alone.set_pose(stop, stops.world_from_stop(stop));
+    if (!stops.is_step_believed(stop)) alone.disbelieve_step_to(stop);
+  }
+  const std::vector<int> posed = scene.posed_pictures();
+  Scene seen = scene;
+  // Lengths alone change, and the cost of all observations hardly.
+  adjust_scene(seen, posed, config, {.max_iterations = 8, .relative_cost_change = 1e-8}, &alone);
+  const double factor = size_of(seen) / size_of(scene);
+  const double sigma = factor * sigma_of(seen, alone, config);
+  if (!(sigma < max_sigma)) return std::nullopt;
+  return LengthEstimate{LengthSource::joints, factor, sigma, static_cast<int>(posed.size())};
+}
+
+/// Least squares of what the steps tell on what they are in the model.
+std::optional<LengthEstimate> by_steps(const Stops& stops) {
   double information = 0, product = 0;
   int count = 0;
-
-  void add(const Eigen::Vector3d& measured, const Eigen::Vector3d& in_model,
-           const Eigen::Matrix3d& weight) {
-    information += in_model.dot(weight * in_model);
-    product += in_model.dot(weight * measured);
+  for (int stop = 1; stop < stops.count(); ++stop) {
+    const auto &a = stops.world_from_stop(stop - 1), &b = stops.world_from_stop(stop);
+    if (!a || !b || !stops.is_step_believed(stop)) continue;
+    const StepAccount& step = *stops.account().steps[stop];
+    const Eigen::Matrix3d covariance = step.covariance.topLeftCorner<3, 3>();
+    const Eigen::Vector3d in_model = (a->inverse() * *b).translation;
+    const Eigen::Vector3d weighted = covariance.inverse() * in_model;
+    information += weighted.dot(in_model);
+    product += weighted.dot(step.previous_from_stop.translation);
     ++count;
   }
-  std::optional<LengthEstimate> estimate(LengthSource source) const {
-    if (!(information > 0)) return std::nullopt;
-    return LengthEstimate{source, product / information, 1 / std::sqrt(information), count};
-  }
-};
-
-/// Camera centres of pictures: by the joints and in the model, in the stop's axes.
-struct Group {
-  Eigen::Matrix3d weight = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d measured = Eigen::Vector3d::Zero(), in_model = Eigen::Vector3d::Zero();
-  std::vector<int> pictures;
-
-  Eigen::Vector3d mean(const Eigen::Vector3d& weighted) const {
-    return weight.inverse() * weighted;
-  }
-};
-
-Eigen::Matrix3d weight_of(const Stops& stops, int picture) {
-  const Eigen::Matrix3d covariance =
-      stops.account().joint_covariances[picture].topLeftCorner<3, 3>();
-  return covariance.inverse();
-}
-
-Eigen::Vector3d centre_in_stop(const Scene& scene, const Stops& stops, int picture) {
-  const Transform& world_from_stop = *stops.world_from_stop(stops.stop_of(picture));
-  return world_from_stop.inverse() * scene.camera_from_world(picture)->inverse().translation;
-}
-
-/// The pictures of each stop by posture. What the legs err is common to a posture.
-std::map<int, Group> groups_of(const Scene& scene, const Stops& stops, int stop) {
-  std::map<int, Group> groups;
-  for (const int picture : stops.pictures_of(stop)) {
-    if (!scene.camera_from_world(picture)) continue;
-    Group& group = groups[stops.account().postures[picture]];
-    const Eigen::Matrix3d weight = weight_of(stops, picture);
-    group.weight += weight;
-    group.measured += weight * stops.account().stop_from_camera[picture].translation;
-    group.in_model += weight * centre_in_stop(scene, stops, picture);
-    group.pictures.push_back(picture);
-  }
-  return groups;
-}
-
-void add_joints(const Scene& scene, const Stops& stops, int stop, Fit& head, Fit& crouch) {
-  const std::map<int, Group> groups = groups_of(scene, stops, stop);
-  const double height_sigma_m = stops.account().height_sigma_m;
-  const Group* before = nullptr;
-  for (const auto& [posture, group] : groups) {
-    const Eigen::Vector3d measured = group.mean(group.measured);
-    const Eigen::Vector3d in_model = group.mean(group.in_model);
-    for (const int picture : group.pictures) {
-      if (group.pictures.size() < 2) break;
-      head.add(stops.account().stop_from_camera[picture].translation - measured,
-               centre_in_stop(scene, stops, picture) - in_model, weight_of(stops, picture));
-    }
-    if (before) {
-      const Eigen::Matrix3d weight =
-          Eigen::Matrix3d::Identity() / (height_sigma_m * height_sigma_m);
-      crouch.add(measured - before->mean(before->measured),
-                 in_model - before->mean(before->in_model), weight);
-    }
-    before = &group;
-  }
-}
-
-void add_step(const Stops& stops, int stop, Fit& steps) {
-  const auto &a = stops.world_from_stop(stop - 1), &b = stops.world_from_stop(stop);
-  if (!a || !b || !stops.is_step_believed(stop)) return;
-  const StepAccount& step = *stops.account().steps[stop];
-  const Eigen::Matrix3d covariance = step.covariance.topLeftCorner<3, 3>();
-  steps.add(step.previous_from_stop.translation, (a->inverse() * *b).translation,
-            covariance.inverse());
+  if (!(information * max_sigma * max_sigma > 1)) return std::nullopt;
+  // A walk's own scale errs for all steps alike.
+  const double sigma = std::hypot(1 / std::sqrt(information), stops.account().common_step_sigma);
+  return LengthEstimate{LengthSource::steps, product / information, sigma, count};
 }
 
 /// Heights in the stops' frames of places that may be floor.
@@ -120,7 +125,7 @@ std::vector<double> floor_heights(const Scene& scene, const Stops& stops) {
   return heights;
 }
 
-std::optional<LengthEstimate> ground(const Scene& scene, const Stops& stops) {
+std::optional<LengthEstimate> by_ground(const Scene& scene, const Stops& stops) {
   const std::vector<double> heights = floor_heights(scene, stops);
   std::size_t first = 0, best_first = 0, best = 0;
   for (std::size_t last = 0; last < heights.size(); ++last) {
@@ -147,25 +152,13 @@ std::optional<LengthEstimate> ground(const Scene& scene, const Stops& stops) {
 
 }  // namespace
 
-std::vector<LengthEstimate> length_estimates(const Scene& scene, const Stops& stops) {
-  Fit head, crouch, steps;
-  for (int stop = 0; stop < stops.count(); ++stop) {
-    if (!stops.world_from_stop(stop)) continue;
-    add_joints(scene, stops, stop, head, crouch);
-    if (stop > 0) add_step(stops, stop, steps);
-  }
+std::vector<LengthEstimate> length_estimates(const Scene& scene, const Stops& stops,
+                                             const ReconstructionConfig& config) {
   std::vector<LengthEstimate> estimates;
-  const auto take = [&](std::optional<LengthEstimate> estimate) {
+  for (const auto& estimate :
+       {by_joints(scene, stops, config), by_steps(stops), by_ground(scene, stops)}) {
     if (estimate) estimates.push_back(*estimate);
-  };
-  take(head.estimate(LengthSource::head));
-  take(crouch.estimate(LengthSource::crouch));
-  if (auto estimate = steps.estimate(LengthSource::steps)) {
-    // A walk's own scale errs for all steps alike.
-    estimate->sigma = std::hypot(estimate->sigma, stops.account().common_step_sigma);
-    take(estimate);
   }
-  take(ground(scene, stops));
   return estimates;
 }
 

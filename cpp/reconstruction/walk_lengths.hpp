@@ -11,8 +11,7 @@ namespace pilotage {
 
 /// What tells how long a metre is in a model of pictures.
 enum class LengthSource {
-  head,    ///< the cameras' offsets from the neck while the head turns
-  crouch,  ///< how much lower the cameras are when the robot crouches
+  joints,  ///< the cameras' offsets while the head turns and the legs crouch
   steps,   ///< the way from stop to stop as the robot believes it
   ground,  ///< the cameras' height above the floor they see
 };
@@ -25,9 +24,11 @@ struct LengthEstimate {
   int count = 0;  ///< pictures, steps or places it comes from
 };
 
-/// What each source says of a model whose stops are posed in metres; those that say nothing are
-/// left out. Vision alone fixes the shape, so each source has only the size to tell.
-std::vector<LengthEstimate> length_estimates(const Scene& scene, const Stops& stops);
+/// What each source says of an adjusted walk: the joints by an adjustment without the steps'
+/// lengths, steps and ground by how long and how far below they are in the model. Those that say
+/// nothing are left out.
+std::vector<LengthEstimate> length_estimates(const Scene& scene, const Stops& stops,
+                                             const ReconstructionConfig& config);
 
 /// Their mean, weighted by the inverses of their variances; `sigma` grows where they contradict
 /// each other. None of none.
