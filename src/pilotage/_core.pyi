@@ -1477,6 +1477,12 @@ class ReconstructionConfig:
         """matches that must agree on the geometry of two pictures"""
 
     @property
+    def motions(self) -> object:
+        """
+        rigid motions looked for between two pictures: 2 where somebody walks about
+        """
+
+    @property
     def min_track_length(self) -> object:
         """pictures that must show a point"""
 
@@ -1592,6 +1598,137 @@ def reconstruct(
 ) -> Reconstruction:
     """
     Structure from motion of (height, width) uint8 pictures by calibrated cameras; camera_of_picture[i] is an index into cameras. The order of the pictures does not change the model. ValueError for contradictory input; what cannot be solved is in `fates`.
+    """
+
+class StepAccount:
+    """How a robot believes to have come from the stop before to this one."""
+
+    def __init__(
+        self,
+        *,
+        previous_from_stop: Transform,
+        covariance: Annotated[NDArray[numpy.float64], dict(shape=(6, 6), order="F")],
+    ) -> None:
+        """
+        covariance: (6, 6) of the place in the former stop's axes, m, and the turn about its own axes, rad.
+        """
+
+class WalkAccount:
+    """
+    What a robot that stops, looks around and walks on tells of its pictures; the frame of a stop is the robot's there, on the ground.
+    """
+
+    def __init__(
+        self,
+        *,
+        stop_of_picture: Sequence[int],
+        stop_from_camera: Sequence[Transform],
+        joint_covariances: Sequence[
+            Annotated[NDArray[numpy.float64], dict(shape=(6, 6), order="F")]
+        ],
+        steps: Sequence[StepAccount | None],
+        common_step_sigma: float = 0.05,
+        height_sigma_m: float = 0.005,
+    ) -> None:
+        """
+        Of each picture: its stop, ascending from 0, where its camera was in the stop by the joints, and the (6, 6) covariance of that (place in the stop's axes, turn about the camera's own). Of each stop: its step, None for the first and where none is known. common_step_sigma: part of a length by which all steps err alike; height_sigma_m: of the cameras above the floor, by the legs.
+        """
+
+class StopFate(enum.Enum):
+    """What became of a stop of a walk."""
+
+    placed = 0
+    """Its step and its pictures agree."""
+
+    carried = 1
+    """Its pictures say where it is, and that no step led there."""
+
+    lost = 2
+    """What its pictures show could not be found in what is known."""
+
+class PlacedStop:
+    """A stop of a walk and where it is."""
+
+    @property
+    def fate(self) -> StopFate: ...
+    @property
+    def world_from_stop(self) -> Transform | None:
+        """None where it is lost."""
+
+    @property
+    def covariance(self) -> Annotated[NDArray[numpy.float64], dict(shape=(6, 6), order="F")]:
+        """
+        (6, 6) of the left perturbation (translation, rotation), against the first stop.
+        """
+
+    @property
+    def sights(self) -> int:
+        """Observations of places that hold it."""
+
+    @property
+    def set_aside(self) -> int:
+        """Features that other stops show as well and that contradict the room."""
+
+class LengthSource(enum.Enum):
+    """What tells how long a metre is in a model."""
+
+    joints = 0
+    """The cameras' offsets while the head turns and the legs crouch."""
+
+    steps = 1
+    """The way from stop to stop as the robot believes it."""
+
+    ground = 2
+    """The cameras' height above the floor they see."""
+
+class LengthEstimate:
+    """By what a model's lengths are to be multiplied, by one source."""
+
+    @property
+    def source(self) -> LengthSource: ...
+    @property
+    def factor(self) -> float: ...
+    @property
+    def sigma(self) -> float: ...
+    @property
+    def count(self) -> int:
+        """Pictures, steps or places it comes from."""
+
+class WalkReconstruction:
+    """
+    A model in metres; its world is the robot's frame at the first stop that has a pose.
+    """
+
+    @property
+    def model(self) -> Reconstruction: ...
+    @property
+    def stops(self) -> list[PlacedStop]:
+        """PlacedStop, one a stop."""
+
+    @property
+    def lengths(self) -> list[LengthEstimate]:
+        """LengthEstimate of each source, of the model as adjusted."""
+
+    @property
+    def length_factor(self) -> float:
+        """Their mean, which the model has been multiplied by."""
+
+    @property
+    def length_sigma(self) -> float:
+        """Its standard error."""
+
+def reconstruct_walk(
+    *,
+    pictures: Sequence[
+        Annotated[NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)]
+    ],
+    cameras: Sequence[Camera],
+    camera_of_picture: Sequence[int],
+    account: WalkAccount,
+    config: ReconstructionConfig = ...,
+) -> WalkReconstruction:
+    """
+    Structure from motion of (height, width) uint8 pictures of a robot that stops, looks around and walks on. ValueError for contradictory input.
     """
 
 class SurfaceLayer:

@@ -84,7 +84,7 @@ def solve(
         config=config or ReconstructionConfig(),
     )
     return Reconstructed(
-        model=_model(names, camera, result),
+        model=model_of(names, [camera], [0] * len(names), result),
         names=tuple(names),
         fates=tuple(result.fates),
         result=result,
@@ -124,15 +124,21 @@ def _names(pictures: Sequence[Path]) -> tuple[str, ...]:
     return short if len(set(short)) == len(short) else tuple(str(file) for file in pictures)
 
 
-def _model(names: Sequence[str], camera: Camera, result: Reconstruction) -> Model:
+def model_of(
+    names: Sequence[str],
+    cameras: Sequence[Camera],
+    camera_of_picture: Sequence[int],
+    result: Reconstruction,
+) -> Model:
+    """Return the posed pictures of a result, its points and views as a model."""
     posed = [i for i, pose in enumerate(result.camera_from_world) if pose is not None]
     index = np.full(len(names), -1, dtype=np.int64)
     index[posed] = np.arange(len(posed))
     poses: list[Any] = [result.camera_from_world[i] for i in posed]
     return Model(
-        cameras=(camera,),
+        cameras=tuple(cameras),
         names=tuple(names[i] for i in posed),
-        camera_index=np.zeros(len(posed), dtype=np.int64),
+        camera_index=np.array([camera_of_picture[i] for i in posed], dtype=np.int64),
         camera_from_world=tuple(poses),
         points_in_world=result.points_in_world,
         colors=np.repeat(result.greys[:, None], 3, axis=1),

@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pilotage import Transform
 
@@ -17,6 +18,9 @@ FIELD_OF_VIEW_DEG = (60.9, 47.6)
 YAW_LIMIT_RAD = 2.0857
 PITCH_LIMITS_RAD = (-0.6720, 0.5149)
 SPEED_RAD_S = 2.0
+# What joints and legs leave unsure: half the play of the gears and the encoders' steps; the seat of
+# the cameras on a head of plastic.
+JOINT_SIGMA_RAD, SEAT_SIGMA_RAD, SEAT_SIGMA_M = 0.002, 0.001, 0.001
 # The maker's table: at a yaw to either side (deg) the shell allows these pitches (deg).
 SHELL_DEG = (
     (0.0, -38.50, 29.50),
@@ -61,6 +65,23 @@ def head_from_camera(name: str) -> Transform:
     x_m, z_m, pitch_rad = CAMERAS[name]
     seat = Transform(translation_m=[x_m, 0.0, z_m]) @ neck_from_head(pitch_rad)
     return seat @ Transform(quaternion_wxyz=[0.5, -0.5, 0.5, -0.5])
+
+
+def seat_covariance(
+    robot_from_camera: Transform, torso_from_camera: Transform, yaw_rad: float
+) -> NDArray[np.float64]:
+    """Return how unsure joints leave `robot_from_camera` at a yaw of the head, (6, 6).
+
+    Of the place in the robot's axes, m, then the turn about the camera's own axes, rad. Both
+    joints turn the camera about the neck.
+    """
+    from_neck = np.array(torso_from_camera.translation_m) - [0.0, 0.0, HEAD_Z_M]
+    to_camera = robot_from_camera.matrix()[:3, :3].T
+    covariance = np.diag([SEAT_SIGMA_M**2] * 3 + [SEAT_SIGMA_RAD**2] * 3)
+    for axis in ((0.0, 0.0, 1.0), (-math.sin(yaw_rad), math.cos(yaw_rad), 0.0)):
+        moved = np.concatenate([np.cross(axis, from_neck), to_camera @ np.array(axis)])
+        covariance += JOINT_SIGMA_RAD**2 * np.outer(moved, moved)
+    return covariance
 
 
 def pitch_limits_rad(yaw_rad: float) -> tuple[float, float]:

@@ -11,10 +11,18 @@ import typer
 from pilotage.cli import options
 from pilotage.cli.drawing import draw_report
 from pilotage.cli.errors import FAILED, errors_to_exit, fail, say_warning
+from pilotage.errors import InputError
 
 
 def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
-    pictures: Annotated[Path, typer.Argument(help="Folder of pictures of one camera.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PICTURES|RECORDING",
+            help="Folder of pictures of one camera, or a recording of a robot that stops and looks"
+            " around (.mcap, or a folder with one).",
+        ),
+    ],
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the model.")] = Path("out"),
     calibration: options.Calibration = None,
     fov_deg: options.FovDeg = None,
@@ -33,32 +41,67 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
     motion). The model is written for COLMAP (text and binary), as PLY and as a trajectory, and
     shown by a report; lengths are in the model's own unit. Pictures that cannot be placed are
     named with the reason.
+
+    Of a recorded walk with stops (pilotage simulate office --robot nao) all cameras and turns of
+    the head at a stop count as one, joints and steps take part, lengths are metres, and each stop
+    is placed or said to be lost.
     """
     with errors_to_exit(debug=debug):
-        from pilotage.behaviors.model_folder import reconstruct_folder
-        from pilotage.config import load_reconstruction_config
+        from pilotage.recordings.motion import find_mcap
 
-        summary = reconstruct_folder(
-            pictures=pictures,
-            out=out,
-            calibration=calibration,
-            fov_deg=fov_deg,
-            ordered=not unordered,
-            config=load_reconstruction_config(config, settings or []),
-            overwrite=overwrite,
-        )
+        if find_mcap(source) is None:
+            from pilotage.behaviors.model_folder import reconstruct_folder
+            from pilotage.config import load_reconstruction_config
+
+            summary = reconstruct_folder(
+                pictures=source,
+                out=out,
+                calibration=calibration,
+                fov_deg=fov_deg,
+                ordered=not unordered,
+                config=load_reconstruction_config(config, settings or []),
+                overwrite=overwrite,
+            )
+        else:
+            from pilotage.behaviors.walk_folder import reconstruct_recording
+
+            _check_options_of_walk(calibration, fov_deg, unordered=unordered)
+            summary = reconstruct_recording(
+                recording=source,
+                out=out,
+                config=config,
+                settings=settings or [],
+                overwrite=overwrite,
+            )
         fault = draw_report("pilotage.evaluation.model_report", out) if report else None
         _conclude(summary, out)
         if fault is not None:
             fail(f"report not drawn: {fault}", FAILED)
 
 
+def _check_options_of_walk(
+    calibration: Path | None, fov_deg: float | None, *, unordered: bool
+) -> None:
+    given = {
+        "--calibration": calibration is not None,
+        "--fov-deg": fov_deg is not None,
+        "--unordered": unordered,
+    }
+    for name, is_given in given.items():
+        if is_given:
+            raise InputError(f"{name}: a recording tells that itself; leave it out")
+
+
 def _conclude(summary: dict[str, Any], out: Path) -> None:
     from pilotage.evaluation.verdict import model_words
     from pilotage.results import REPORT, SUMMARY
 
-    for name, words in summary["without_pose"].items():
-        say_warning(f"{name}: {words}")
+    if "stops" in summary:
+        if summary["verdict"] != "whole":
+            say_warning(summary["verdict"])
+    else:
+        for name, words in summary["without_pose"].items():
+            say_warning(f"{name}: {words}")
     if summary["posed"] == 0:
         fail(model_words(summary), FAILED)
     shown = REPORT if (out / REPORT).exists() else SUMMARY

@@ -31,13 +31,16 @@ OUTLINE = (0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2)
 MOST_BINS = 12
 
 
-def draw_cloud(model: Model, unit: str, *, is_ordered: bool) -> tuple[str, int]:
+def draw_cloud(
+    model: Model, unit: str, *, is_ordered: bool, is_level: bool = False
+) -> tuple[str, int]:
     """Draw points and cameras from above and from the side, equal scale, `unit` at the axes.
 
-    The second value is the number of points that lie outside the figure.
+    A world that `is_level` has z up already. The second value is the number of points that lie
+    outside the figure.
     """
-    level = level_from_world(model.world_from_camera())
-    origin = model.world_from_camera()[0, :3, 3]
+    level = np.eye(3) if is_level else level_from_world(model.world_from_camera())
+    origin = np.zeros(3) if is_level else model.world_from_camera()[0, :3, 3]
     points = (model.points_in_world - origin) @ level.T
     centres = (model.world_from_camera()[:, :3, 3] - origin) @ level.T
     limits = limits_of(points, centres)

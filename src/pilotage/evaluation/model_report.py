@@ -27,10 +27,11 @@ from pilotage.evaluation.page import (
 )
 from pilotage.evaluation.track_pictures import legend, track_figures
 from pilotage.evaluation.verdict import model_words
+from pilotage.evaluation.walk_sections import walk_sections
 from pilotage.models import Model, read_colmap_binary
 from pilotage.pose_files import read_text
 from pilotage.recordings.pictures import natural_key
-from pilotage.results import COLMAP_BINARY, SUMMARY, is_results_folder
+from pilotage.results import COLMAP_BINARY, SUMMARY, WALK_PICTURES, is_results_folder
 
 # More names than this on a line tell no more; summary.json has them all.
 LISTED = 12
@@ -51,10 +52,14 @@ def draw_report(out: Path) -> None:
 
 
 def _sections(out: Path, summary: Mapping[str, Any], model: Model | None) -> Iterable[str]:
-    source = Path(summary["source"])
+    source, is_walk = Path(summary["source"]), "stops" in summary
     yield head(source.name, str(source), summary)
     yield verdict_card([model_words(summary)], is_bad=summary["verdict"] != "whole")
-    yield warnings_card(missing_lines(summary["without_pose"]), "Pictures without a pose")
+    missing = what_is_missing(summary["verdict"]) if is_walk else None
+    yield warnings_card(
+        missing_lines(summary["without_pose"]) if missing is None else missing,
+        "Pictures without a pose" if missing is None else "Stops that are not where steps led",
+    )
     yield _numbers(summary)
     if model is None:
         yield "<h2>Points and cameras</h2><p class='card'>There is no model to draw.</p>"
@@ -62,7 +67,9 @@ def _sections(out: Path, summary: Mapping[str, Any], model: Model | None) -> Ite
         names = [*model.names, *summary["without_pose"]]
         names.sort(key=lambda name: natural_key(Path(name)))
         yield from _cloud(model, summary)
-        yield from _pictures(model, names, source)
+        if is_walk:
+            yield from walk_sections(out, summary)
+        yield from _pictures(model, names, out / WALK_PICTURES if is_walk else source)
         yield "<h2>What the model rests on</h2><div class='figures'>"
         lengths = model_plots.draw_track_lengths(model)
         yield figure_card(lengths, "points by the number of pictures that show them")
@@ -85,6 +92,11 @@ def missing_lines(without_pose: Mapping[str, str]) -> list[str]:
     return lines
 
 
+def what_is_missing(verdict: str) -> list[str]:
+    """Return a line for each stretch of a walk that its verdict tells of."""
+    return [] if verdict == "whole" else verdict.split("; ")
+
+
 def _numbers(summary: Mapping[str, Any]) -> str:
     points, seen = summary["points"], summary["observations"]
     rms_px = summary["rms_px"]
@@ -102,15 +114,17 @@ def _numbers(summary: Mapping[str, Any]) -> str:
 
 
 def _cloud(model: Model, summary: Mapping[str, Any]) -> Iterable[str]:
-    is_metric = summary["unit"] == "m"
+    is_metric, is_walk = summary["unit"] == "m", "stops" in summary
     unit = "m" if is_metric else "model's unit"
     drawn, outside = model_plots.draw_cloud(
-        model, unit, is_ordered=bool(summary.get("ordered", False))
+        model, unit, is_ordered=bool(summary.get("ordered", False)), is_level=is_walk
     )
     yield "<h2>Points and cameras</h2><div class='figures'>"
     yield figure_card(drawn, "points and cameras from above and from the side", wide=True)
     yield "</div>"
     said = "Up is the mean of what is up in the pictures; 0 is where the first picture was taken."
+    if is_walk:
+        said = "Up is as the robot stood at the first stop; 0 is between its feet there."
     if not is_metric:
         said += (
             " From pictures alone the size is unknown: lengths are in a unit of the model's own."

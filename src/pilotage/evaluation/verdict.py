@@ -18,10 +18,27 @@ def model_words(summary: Mapping[str, Any]) -> str:
     """Return one line on how much of a folder of pictures became a model."""
     if not summary["posed"]:
         return f"No model: {summary['verdict']}"
+    if "stops" in summary:
+        return _walk_words(summary)
     return (
         f"{summary['posed']} of {summary['pictures']} pictures placed, {summary['points']} points,"
         f" residuals {summary['rms_px']:.2f} px rms, {summary['wall_s']:.1f} s"
     )
+
+
+def _walk_words(summary: Mapping[str, Any]) -> str:
+    truth, lengths = summary["truth"], summary["lengths"]
+    words = (
+        f"{summary['stops_placed']} of {summary['stops']} stops placed"
+        f" ({summary['posed']} pictures, {summary['points']} points), lengths known to"
+        f" {100 * lengths['sigma']:.1f} %, {summary['wall_s']:.1f} s"
+    )
+    if truth is not None:
+        words += (
+            f"; against the truth: last stop off by {1e3 * truth['home_m']:.1f} mm and"
+            f" {truth['home_deg']:.2f} degrees, largest {1e3 * truth['largest_m']:.1f} mm"
+        )
+    return words
 
 
 def tracking_words(summary: Mapping[str, Any]) -> str:

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a recording tells of a walk with stops: its pictures, by joints and steps where they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pilotage import Transform
+from pilotage.calibration.nao_head import (
+    JOINT_SIGMA_RAD,
+    SEAT_SIGMA_M,
+    SEAT_SIGMA_RAD,
+    seat_covariance,
+)
+from pilotage.errors import InputError
+from pilotage.recordings.single import PictureRecording, SinglePicture
+
+if TYPE_CHECKING:
+    from pilotage import Camera, StepAccount, WalkAccount
+
+YAW_JOINT = "HeadYaw"
+# A robot whose own account has gone no further stands where it stood.
+SAME_PLACE_M, SAME_TURN_RAD = 0.01, math.radians(1.0)
+# How much a walk of two legs errs, and the floor it walks on: metres and radians, then their growth
+# with the way (m) and the turn (rad). A tenth of the way is what the second paper's robot errs; the
+# sides of it are the simulator's (simulation/gait.py).
+PLACE_SIGMA_M, PLACE_GROWTH = 0.01, 0.15
+YAW_SIGMA_RAD, YAW_GROWTH_RAD_M, YAW_GROWTH = 0.02, 0.2, 0.1
+HEIGHT_SIGMA_M, TILT_SIGMA_RAD = 0.005, 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedWalk:
+    """Pictures of a robot that stands, by stop, and what it tells of them.
+
+    `cameras` are those of `camera_names`; `moving` pictures were taken on the way and are left
+    out, `bad` could not be read.
+    """
+
+    recording: PictureRecording
+    camera_names: tuple[str, ...]
+    cameras: tuple[Camera, ...]
+    pictures: tuple[SinglePicture, ...]
+    stop_of_picture: tuple[int, ...]
+    moving: int
+    bad: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return a file name for each picture: stop, number and camera."""
+        return tuple(
+            f"stop{stop:03d}_{number:04d}_{picture.camera}.png"
+            for number, (stop, picture) in enumerate(
+                zip(self.stop_of_picture, self.pictures, strict=True)
+            )
+        )
+
+    @property
+    def firsts(self) -> tuple[SinglePicture, ...]:
+        """Return the first picture of each stop."""
+        stops = self.stop_of_picture
+        return tuple(p for i, p in enumerate(self.pictures) if i == 0 or stops[i] > stops[i - 1])
+
+    def account(self) -> WalkAccount:
+        """Return what joints and steps tell."""
+        from pilotage import _core
+
+        odometry = [first.odom_from_robot for first in self.firsts]
+        return _core.WalkAccount(
+            stop_of_picture=list(self.stop_of_picture),
+            stop_from_camera=[_seat(picture) for picture in self.pictures],
+            joint_covariances=[_joint_covariance(picture) for picture in self.pictures],
+            steps=[None, *(_step(a, b) for a, b in pairwise(odometry))],
+        )
+
+
+def read_walk(recording: PictureRecording) -> RecordedWalk:
+    """Return the pictures of a recording that were taken standing, by stop.
+
+    InputError where there are none, or where the recording does not tell where its cameras are on
+    the robot.
+    """
+    names = tuple(recording.cameras)
+    standing: list[SinglePicture] = []
+    moving, bad = 0, []
+    for picture in recording.pictures():
+        if not isinstance(picture, SinglePicture):
+            bad.append(picture.reason)
+        elif picture.is_moving:
+            moving += 1
+        else:
+            standing.append(picture)
+    _check(recording, standing, moving, bad)
+    return RecordedWalk(
+        recording=recording,
+        camera_names=names,
+        cameras=tuple(recording.cameras[name] for name in names),
+        pictures=tuple(standing),
+        stop_of_picture=_stops_of(standing),
+        moving=moving,
+        bad=tuple(bad),
+    )
+
+
+def _check(
+    recording: PictureRecording, standing: Sequence[SinglePicture], moving: int, bad: Sequence[str]
+) -> None:
+    if not standing and moving:
+        raise InputError(
+            f"{recording.path}: all {moving} pictures were taken on the way; a walk with stops is"
+            " wanted, pilotage localize follows stereo pairs on the way"
+        )
+    if not standing:
+        said = bad[0] if bad else "it is empty"
+        raise InputError(f"{recording.path}: holds no picture that can be read: {said}")
+    for picture in standing:
+        if picture.robot_from_camera is None:
+            raise InputError(
+                f"{recording.path}: does not tell where {picture.camera} is on the robot at"
+                f" {picture.timestamp_ns} ns (/tf, /tf_static); reconstruct its pictures from a"
+                " folder instead"
+            )
+
+
+def _stops_of(pictures: Sequence[SinglePicture]) -> tuple[int, ...]:
+    stops: list[int] = []
+    place: Transform | None = None
+    for picture in pictures:
+        here = picture.odom_from_robot
+        if not stops:
+            stops.append(0)
+        else:
+            stops.append(stops[-1] + (not _is_same(place, here)))
+        if len(stops) == 1 or stops[-1] != stops[-2]:
+            place = here
+    return tuple(stops)
+
+
+def _is_same(a: Transform | None, b: Transform | None) -> bool:
+    # A robot without odometry never says that it went on: its pictures are one stop each.
+    if a is None or b is None:
+        return False
+    step = a.inverse() @ b
+    return (
+        float(np.linalg.norm(step.translation_m)) < SAME_PLACE_M and _turn_of(step) < SAME_TURN_RAD
+    )
+
+
+def _turn_of(step: Transform) -> float:
+    w, *vector = step.quaternion_wxyz
+    return 2 * math.atan2(float(np.linalg.norm(vector)), abs(w))
+
+
+def _seat(picture: SinglePicture) -> Transform:
+    assert picture.robot_from_camera is not None  # read_walk has checked
+    return picture.robot_from_camera
+
+
+def _joint_covariance(picture: SinglePicture) -> NDArray[np.float64]:
+    torso_from_camera, joints = picture.torso_from_camera, picture.joints_rad
+    if torso_from_camera is not None and YAW_JOINT in joints:
+        return seat_covariance(_seat(picture), torso_from_camera, joints[YAW_JOINT])
+    turn_sigma = math.hypot(JOINT_SIGMA_RAD, SEAT_SIGMA_RAD)
+    return np.diag([SEAT_SIGMA_M**2] * 3 + [turn_sigma**2] * 3)
+
+
+def _step(a: Transform | None, b: Transform | None) -> StepAccount | None:
+    from pilotage import _core
+
+    if a is None or b is None:
+        return None
+    step = a.inverse() @ b
+    way_m = float(np.linalg.norm(step.translation_m))
+    place_m = PLACE_SIGMA_M + PLACE_GROWTH * way_m
+    yaw_rad = YAW_SIGMA_RAD + YAW_GROWTH_RAD_M * way_m + YAW_GROWTH * _turn_of(step)
+    sigmas = [place_m, place_m, HEIGHT_SIGMA_M, TILT_SIGMA_RAD, TILT_SIGMA_RAD, yaw_rad]
+    return _core.StepAccount(previous_from_stop=step, covariance=np.diag(np.square(sigmas)))

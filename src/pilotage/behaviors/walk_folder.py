@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording of a walk with stops in, a folder with its model and its stops out."""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import yaml
+
+from pilotage import PictureFate, StopFate, __version__
+from pilotage.atomic_files import write_atomically, write_each
+from pilotage.behaviors.model_folder import MODEL_FILES
+from pilotage.behaviors.reconstruct import FATE_WORDS
+from pilotage.behaviors.walk import LENGTH_WORDS, PlacedWalk, place_walk, walk_config, what_became
+from pilotage.behaviors.walk_account import RecordedWalk, read_walk
+from pilotage.config import load_reconstruction_config
+from pilotage.evaluation.metrics import evaluate_trajectory
+from pilotage.models import write_colmap_binary, write_colmap_text, write_ply, write_tum
+from pilotage.pose_files import PoseRecord, tum_line
+from pilotage.provenance import program_commit
+from pilotage.recordings import open_pictures
+from pilotage.recordings.motion import nearest
+from pilotage.results import (
+    CLOUD,
+    CLOUD_WITH_CAMERAS,
+    COLMAP_BINARY,
+    COLMAP_TEXT,
+    CONFIG,
+    STOPS,
+    SUMMARY,
+    TUM,
+    TUM_TORSO,
+    WALK_PICTURES,
+    check_free,
+    claim_folder,
+    write_json,
+)
+from pilotage.stop_files import stops_text
+
+if TYPE_CHECKING:
+    from pilotage import ReconstructionConfig, Transform
+
+WALK_FILES = (*MODEL_FILES, STOPS, TUM_TORSO, f"{WALK_PICTURES}/stop*.png", f"{WALK_PICTURES}/")
+# Truth is told often while a robot stands.
+TRUTH_WITHIN_NS = 100_000_000
+
+
+def reconstruct_recording(
+    *,
+    recording: Path,
+    out: Path,
+    config: Path | None = None,
+    settings: Sequence[str] = (),
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Place the stops of a recorded walk, write the folder `out`, and return its summary.
+
+    InputError where the recording holds no pictures of a robot that stands, or `out` is not free;
+    RunError where a file cannot be written: what can be is.
+    """
+    chosen = load_reconstruction_config(config, settings, base=walk_config())
+    walk = read_walk(open_pictures(recording))
+    check_free(out, overwrite=overwrite)
+    claim_folder(out, WALK_FILES)
+    start, start_cpu = time.perf_counter(), time.process_time()
+    placed = place_walk(walk, chosen)
+    cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
+    summary = _summary(recording, placed) | cost
+    errors = write_each(_writes(out, placed, chosen, summary))
+    if errors:
+        raise errors[0]
+    return summary
+
+
+def _summary(recording: Path, placed: PlacedWalk) -> dict[str, Any]:
+    walk, model, found = placed.walk, placed.model, placed.result.model
+    missing = {
+        name: FATE_WORDS[fate]
+        for name, fate in zip(walk.names, found.fates, strict=True)
+        if fate is not PictureFate.posed
+    }
+    lines = what_became(placed.stops)
+    return {
+        "program": "pilotage", "version": __version__, "commit": program_commit(),
+        "state": "done", "source": str(recording.resolve()),
+        "verdict": "; ".join(lines) if lines else "whole",
+        "pictures": len(walk.pictures), "posed": len(model.names), "without_pose": missing,
+        "moving_pictures": walk.moving, "unreadable": list(walk.bad),
+        "points": len(model.points_in_world), "observations": len(model.picture),
+        "rms_px": found.rms_px, "features": found.feature_count,
+        "matched_pairs": found.pair_count, "tracks": found.track_count, "unit": "m",
+        "ordered": True,
+        "stops": len(placed.stops),
+        "stops_placed": sum(stop.world_from_stop is not None for stop in placed.stops),
+        "stops_carried": [
+            i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.carried
+        ],
+        "stops_lost": [i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.lost],
+        "set_aside": [stop.set_aside for stop in placed.stops],
+        "lengths": lengths_of(placed), "truth": against_truth(placed),
+    }  # fmt: skip
+
+
+def lengths_of(placed: PlacedWalk) -> dict[str, Any]:
+    """Return by what each source would have lengths multiplied, and what was done."""
+    result = placed.result
+    return {
+        "sources": [
+            {
+                "source": LENGTH_WORDS[one.source],
+                "factor": one.factor,
+                "sigma": one.sigma,
+                "count": one.count,
+            }
+            for one in result.lengths
+        ],
+        "factor": result.length_factor,
+        "sigma": result.length_sigma,
+    }
+
+
+def against_truth(placed: PlacedWalk) -> dict[str, float] | None:
+    """Return the stops' errors where the recording holds the robot's truth, else None.
+
+    They begin at the first stop, as the world does; `home_m` and `home_deg` are of the last.
+    """
+    truth = placed.walk.recording.truth("robot")
+    if truth is None:
+        return None
+    true = np.full((len(placed.stops), 4, 4), np.nan)
+    for i, first in enumerate(placed.walk.firsts):
+        at = nearest(truth.timestamps_ns, first.timestamp_ns, within_ns=TRUTH_WITHIN_NS)
+        if at is not None:
+            true[i] = truth.poses[at]
+    estimate = placed.world_from_stop
+    known = np.flatnonzero(~np.isnan(estimate[:, 0, 0]) & ~np.isnan(true[:, 0, 0]))
+    if len(known) < 2:
+        return None
+    covariances = np.array([stop.covariance for stop in placed.stops])
+    metrics = evaluate_trajectory(estimate=estimate, truth=true, covariances=covariances)
+    first, last = known[0], known[-1]
+    wanted = np.linalg.inv(true[first]) @ true[last]
+    left = np.linalg.inv(wanted) @ np.linalg.inv(estimate[first]) @ estimate[last]
+    cosine = (np.trace(left[:3, :3]) - 1) / 2
+    return {
+        "ate_rmse_m": metrics.ate_rmse_m,
+        "largest_m": metrics.origin_error_max_m,
+        "home_m": float(np.linalg.norm(left[:3, 3])),
+        "home_deg": math.degrees(math.acos(min(1.0, max(-1.0, float(cosine))))),
+        "scale": metrics.scale,
+    }
+
+
+def _writes(
+    out: Path, placed: PlacedWalk, config: ReconstructionConfig, summary: dict[str, Any]
+) -> list[Callable[[], object]]:
+    walk, model = placed.walk, placed.model
+    times_ns = [first.timestamp_ns for first in walk.firsts]
+    settings = yaml.safe_dump(config.to_dict(), sort_keys=False)
+    writes: list[Callable[[], object]] = [
+        functools.partial(write_atomically, out / CONFIG, settings),
+        functools.partial(write_atomically, out / STOPS, stops_text(placed.stops, times_ns)),
+        functools.partial(write_pictures, out / WALK_PICTURES, walk),
+    ]
+    if model.names:
+        of_name = {n: p.timestamp_ns for n, p in zip(walk.names, walk.pictures, strict=True)}
+        posed_ns = [of_name[name] for name in model.names]
+        torso = _tum(times_ns, placed.world_from_torso)
+        writes += [
+            functools.partial(write_colmap_text, out / COLMAP_TEXT, model),
+            functools.partial(write_colmap_binary, out / COLMAP_BINARY, model),
+            functools.partial(write_tum, out / TUM, model, posed_ns),
+            functools.partial(write_atomically, out / TUM_TORSO, torso),
+            functools.partial(write_ply, out / CLOUD, model),
+            functools.partial(write_ply, out / CLOUD_WITH_CAMERAS, model, with_cameras=True),
+        ]
+    # Last: a summary that says "done" vouches for the rest.
+    return [*writes, functools.partial(write_json, out / SUMMARY, summary)]
+
+
+def write_pictures(folder: Path, walk: RecordedWalk) -> None:
+    """Write the pictures that the model's names mean."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, picture in zip(walk.names, walk.pictures, strict=True):
+        encoded = cv2.imencode(".png", picture.picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1]
+        write_atomically(folder / name, encoded.tobytes())
+
+
+def _tum(times_ns: Sequence[int], poses: Sequence[Transform | None]) -> str:
+    lines = []
+    for i, (time_ns, pose) in enumerate(zip(times_ns, poses, strict=True)):
+        if pose is None:
+            continue
+        x, y, z = (float(v) for v in pose.translation_m)
+        w, *vector = (float(v) for v in pose.quaternion_wxyz)
+        lines.append(
+            tum_line(
+                PoseRecord(
+                    index=i,
+                    timestamp_ns=time_ns,
+                    status="tracking",
+                    position_m=(x, y, z),
+                    quaternion_wxyz=(w, vector[0], vector[1], vector[2]),
+                )
+            )
+        )
+    return "".join(lines)
