@@ -8,6 +8,7 @@ void bind_geometry(nanobind::module_& m);
 void bind_tracking(nanobind::module_& m);
 void bind_correlation(nanobind::module_& m);
 void bind_estimation(nanobind::module_& m);
+void bind_homography(nanobind::module_& m);
 void bind_bundle_adjustment(nanobind::module_& m);
 void bind_odometry(nanobind::module_& m);
 void bind_judge(nanobind::module_& m);
@@ -22,6 +23,7 @@ NB_MODULE(_core, m) {
   pilotage::bind_tracking(m);
   pilotage::bind_correlation(m);
   pilotage::bind_estimation(m);
+  pilotage::bind_homography(m);
   pilotage::bind_bundle_adjustment(m);
   pilotage::bind_odometry(m);
   pilotage::bind_judge(m);
