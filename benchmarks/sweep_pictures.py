@@ -78,9 +78,7 @@ def walls_at(distance_m: float, seed: int) -> World:
 def _add_floor(scene: Scene) -> None:
     scene.start(0, 0, 0)
     carpet = scene.surface("carpet", name="floor")
-    scene.world.geom(
-        "plane", [0, 0, 1], [0, 0, 0], carpet, name="ground", friction=[1, 0.005, 1e-4]
-    )
+    scene.world.geom("plane", [0, 0, 1], [0, 0, 0], carpet, name="ground")
 
 
 def _add_walls(scene: Scene, wall_m: float) -> None:
@@ -115,7 +113,7 @@ class SweepingNao:
         body = self._simulation.body
         if not isinstance(body, Nao):
             raise TypeError("the simulation's body is no Nao")
-        self._body = body
+        self._body, self._stand = body, body.robot_from_torso
         self._pictures = Pictures(self._simulation)
         lenses = self._model.single_lenses(width_px)
         self._lenses = {name: group[name] for name, group in lenses.items()}
@@ -123,6 +121,12 @@ class SweepingNao:
         self._groups = camera_groups(
             self._simulation, lenses, sensor or Sensor(), seed=seed, pictures=self._pictures
         )
+
+    def crouch(self) -> None:
+        """Get down, as the robot does between two sweeps at one stop."""
+        self._body.take_posture("crouch")
+        while self._body.posture is None:
+            self._simulation.advance(self._simulation.time_ns + STEP_NS)
 
     def look_at(self, goals: Sequence[HeadAngles]) -> list[TrueView]:
         """Return what both cameras see at each of the head's goals, in that order."""
@@ -148,6 +152,7 @@ class SweepingNao:
             name=f"{name} {math.degrees(goal.yaw_rad):+.1f} {math.degrees(goal.pitch_rad):+.1f}",
             grey=shot.pictures[name], lens=self._lenses[name], camera=name, head=told,
             torso_from_camera=torso_from_head @ head_from_camera(name),
+            stop_from_torso=self._stand.inverse() @ self._body.robot_from_torso,
         )  # fmt: skip
         depth_m = self._pictures.depth_m(name, self._rays[name], at_ns=shot.taken_ns)
         return TrueView(view, self._simulation.camera_pose(name, shot.taken_ns), depth_m)

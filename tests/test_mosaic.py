@@ -215,7 +215,7 @@ def test_angles_of_the_head_are_refined(sweep: list[TrueView], refined: Refined)
 
     told = [seen.view.torso_from_camera for seen in sweep]
     assert max(off_rad(told)) > 2e-3
-    assert max(off_rad(refined.torso_from_camera)) < 8e-4
+    assert max(off_rad(refined.stop_from_camera)) < 8e-4
     assert refined.reason == ""
     assert refined.rms_px < 0.3
 
@@ -224,14 +224,12 @@ def test_points_of_the_sweep_are_where_they_are(
     sweep: list[TrueView], shared: tuple[list[Features], list[Shared]], refined: Refined
 ):
     errors = []
-    for point, number, row in zip(
-        refined.points_in_torso, refined.shared, refined.row, strict=True
-    ):
+    for point, number, row in zip(refined.points_in_stop, refined.shared, refined.row, strict=True):
         found = shared[1][number]
         x, y = np.rint(found.pixels_a[row]).astype(int)
         depth_m = sweep[found.a].depth_m[y, x]
         if depth_m > 0:
-            told_m = (refined.torso_from_camera[found.a].inverse() @ point)[2]
+            told_m = (refined.stop_from_camera[found.a].inverse() @ point)[2]
             errors.append(1 / told_m - 1 / depth_m)
     assert len(errors) > 150
     # A pixel of 1/272 rad over 3.4 cm is 0.11 / m.
@@ -257,8 +255,8 @@ def test_without_anything_shared_angles_stay_as_told(sweep: list[TrueView]):
     views = [seen.view for seen in sweep]
     found = refine_sweep(views, [])
     assert "fewer than 12 points" in found.reason
-    assert len(found.points_in_torso) == 0
-    for view, pose in zip(views, found.torso_from_camera, strict=True):
+    assert len(found.points_in_stop) == 0
+    for view, pose in zip(views, found.stop_from_camera, strict=True):
         np.testing.assert_array_equal(pose.matrix(), view.torso_from_camera.matrix())
 
 

@@ -160,8 +160,7 @@ def _intrinsics(lens: Camera) -> Array:
 
 def _middle(views: Sequence[View], links: Sequence[Link]) -> int:
     ahead = [
-        None if v.torso_from_camera is None else float(v.torso_from_camera.matrix()[0, 2])
-        for v in views
+        None if (told := v.stop_from_camera) is None else float(told.matrix()[0, 2]) for v in views
     ]
     if all(value is not None for value in ahead):
         return int(np.argmax(np.array(ahead)))

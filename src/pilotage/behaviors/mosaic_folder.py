@@ -61,15 +61,20 @@ def mosaic_folder(  # noqa: PLR0913, all by name
         raise InputError(f"{source}: only a recording has stops; leave out --stop")
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
-    told: dict[str, Any] = {"source": str(source.resolve()), "stop": None, "bad_pictures": []}
+    told: dict[str, Any] = {
+        "source": str(source.resolve()),
+        "stop": None,
+        "bad_pictures": [],
+        "other_pictures": 0,
+    }
     if is_recording:
         found = read_stop(open_pictures(source), stop or 0)
-        views, floor_z_m = found.views, found.floor_z_m
-        told |= {"stop": found.number, "bad_pictures": found.bad}
+        views, others, floor_z_m = found.views, found.others, found.floor_z_m
+        told |= {"stop": found.number, "bad_pictures": found.bad, "other_pictures": len(others)}
     else:
-        views, floor_z_m = _views_of(source, calibration, fov_deg), None
+        views, others, floor_z_m = _views_of(source, calibration, fov_deg), [], None
     _check_count(views, source)
-    wide = look_wide(views, floor_z_m=floor_z_m)
+    wide = look_wide(views, others=others, floor_z_m=floor_z_m)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(wide) | told | cost
     _begin(out)
@@ -164,12 +169,12 @@ def _moving(wide: WideView, moving: Moving) -> dict[str, Any]:
     refined = moving.refined
     turned_deg = np.degrees(refined.turned_rad).tolist()
     return {
-        "points": len(refined.points_in_torso), "rms_px": refined.rms_px,
+        "points": len(refined.points_in_stop), "rms_px": refined.rms_px,
         "reason": refined.reason,
         "measured_features": int(sum(seen.is_measured.sum() for seen in moving.seen)),
         "turned": [
             {"picture": view.name, "left_deg": left, "down_deg": down}
-            for view, (left, down) in zip(wide.views, turned_deg, strict=True)
+            for view, (left, down) in zip(wide.views, turned_deg, strict=False)
         ],
     }  # fmt: skip
 

@@ -58,14 +58,14 @@ def lookups_by_moving_centres(
     refined: Refined,
     distances: Distances,
     virtual: Camera,
-    torso_from_virtual: Transform,
+    stop_from_virtual: Transform,
 ) -> list[Floats | None]:
     """Return the same of cameras that move, things being as far as `distances` tell."""
-    origin = np.asarray(torso_from_virtual.translation_m)
-    ahead = _rays_of(virtual) @ torso_from_virtual.matrix()[:3, :3].T
+    origin = np.asarray(stop_from_virtual.translation_m)
+    ahead = _rays_of(virtual) @ stop_from_virtual.matrix()[:3, :3].T
     distance_m = distances.along(origin, ahead)[:, None]
     found: list[Floats | None] = []
-    for view, pose in zip(views, refined.torso_from_camera, strict=True):
+    for view, pose in zip(views, refined.stop_from_camera, strict=False):
         points = origin + ahead * distance_m - pose.translation_m
         found.append(_lookup(view.lens, points @ pose.matrix()[:3, :3], virtual))
     return found

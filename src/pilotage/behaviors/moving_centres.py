@@ -22,7 +22,9 @@ from pilotage.calibration.nao_head import HEAD_Z_M
 ANGLE_SIGMA_RAD = 0.002
 # How well the cameras' seats on the head are known.
 SEAT_SIGMA_M, SEAT_SIGMA_RAD = 1e-4, 1e-4
-SAME_LOOK_RAD = 0.01  # angles told that differ by less are of one look
+# Where the legs' joints tell the torso to be after a crouch.
+TORSO_SIGMA_M, TORSO_SIGMA_RAD = 0.005, 0.01
+SAME_RAD = 0.01  # angles told that differ by less (and metres of a torso) are of one look
 NEAREST_M, FURTHEST_M = 0.3, 100.0
 OUTLIER_SIGMA = 3.5
 FEWEST = 12  # points, for the angles to be refined
@@ -34,15 +36,15 @@ ITERATIONS = 30
 class Refined:
     """Where the cameras of a sweep were, and points that two pictures show.
 
-    `torso_from_camera` is by view. Points are (N, 3) in the torso's frame (x forward, y left, z
+    `stop_from_camera` is by view. Points are (N, 3) in the frame `stop` (x forward, y left, z
     up), metres; `inverse_sigma` (N,) is the standard error of one over their distance, 1/m.
     `shared` and `row` (N,) say of which match each is. `rms_px` is of the residuals; `turned_rad`
     (views, 2) what was added to yaw and pitch as told. Where too little was shared, all is as told
     and `reason` says so.
     """
 
-    torso_from_camera: list[Transform]
-    points_in_torso: Array
+    stop_from_camera: list[Transform]
+    points_in_stop: Array
     inverse_sigma: Array
     shared: NDArray[np.intp]
     row: NDArray[np.intp]
@@ -71,7 +73,8 @@ def refine_sweep(views: Sequence[View], shared: Sequence[Shared]) -> Refined:
     """Return the cameras' poses and the points that fit best what every two pictures share.
 
     Views must have their head's angles and `torso_from_camera`. The angles told are measurements
-    with `ANGLE_SIGMA_RAD` among the others; both cameras of one look turn together.
+    with `ANGLE_SIGMA_RAD` among the others; both cameras of one look turn together. Pictures taken
+    crouching see everything from another height, so they tell distances where no neighbour does.
     """
     told = [_pose_of(view) for view in views]
     matches = _collect(views, shared)
@@ -89,8 +92,8 @@ def refine_sweep(views: Sequence[View], shared: Sequence[Shared]) -> Refined:
         matches, points = matches.kept(np.zeros(len(matches.a), bool)), np.empty((0, 3))
         poses, rms = told, math.nan
     return Refined(
-        torso_from_camera=poses,
-        points_in_torso=points,
+        stop_from_camera=poses,
+        points_in_stop=points,
         inverse_sigma=_inverse_sigma(poses, matches, points),
         shared=matches.shared, row=matches.row, rms_px=rms,
         turned_rad=np.array([_turned(*pair) for pair in zip(told, poses, strict=True)]),
@@ -99,9 +102,10 @@ def refine_sweep(views: Sequence[View], shared: Sequence[Shared]) -> Refined:
 
 
 def _pose_of(view: View) -> Transform:
-    if view.torso_from_camera is None or view.head is None:
+    told = view.stop_from_camera
+    if told is None or view.head is None:
         raise ValueError(f"{view.name}: the robot told no head angles")
-    return view.torso_from_camera
+    return told
 
 
 def _collect(views: Sequence[View], shared: Sequence[Shared]) -> _Matches:
@@ -126,7 +130,7 @@ def _collect(views: Sequence[View], shared: Sequence[Shared]) -> _Matches:
     return matches.kept(np.asarray(is_known))
 
 
-def _in_torso(
+def _in_stop(
     poses: Sequence[Transform], numbers: NDArray[np.intp], rays: Array
 ) -> tuple[Array, Array]:
     """Return the centres (N, 3) and directions (N, 3) of rays of views."""
@@ -140,8 +144,8 @@ def _closest(poses: Sequence[Transform], matches: _Matches) -> tuple[Array, Arra
 
     To first order in the parallax, which is small and without a singularity at infinity.
     """
-    centre_a, ahead_a = _in_torso(poses, matches.a, matches.rays_a)
-    centre_b, ahead_b = _in_torso(poses, matches.b, matches.rays_b)
+    centre_a, ahead_a = _in_stop(poses, matches.a, matches.rays_a)
+    centre_b, ahead_b = _in_stop(poses, matches.b, matches.rays_b)
     # A point at inverse distance w on the ray of a is seen from b along a + w (centre_a - centre_b)
     # so w is what turns that into b: least squares in the plane normal to b.
     moved = centre_a - centre_b
@@ -159,8 +163,8 @@ def _are_plausible(
     Before angles are refined they let rays miss each other, and seem to meet beyond infinity.
     """
     inverse, miss = _closest(poses, matches)
-    centre_a, _ = _in_torso(poses, matches.a, matches.rays_a)
-    centre_b, _ = _in_torso(poses, matches.b, matches.rays_b)
+    centre_a, _ = _in_stop(poses, matches.a, matches.rays_a)
+    centre_b, _ = _in_stop(poses, matches.b, matches.rays_b)
     base_m = np.maximum(np.linalg.norm(centre_a - centre_b, axis=1), 1e-6)
     slack = OUTLIER_SIGMA * (matches.sigma + (2 * ANGLE_SIGMA_RAD if loose else 0.0))
     beyond = slack / base_m
@@ -173,7 +177,7 @@ def _adjust(
     """Return poses, points, the larger residual of each match in sigmas, and the rms in pixels."""
     inverse, _ = _closest(poses, matches)
     distance_m = 1 / np.clip(inverse, 1 / FURTHEST_M, 1 / NEAREST_M)
-    centre, ahead = _in_torso(poses, matches.a, matches.rays_a)
+    centre, ahead = _in_stop(poses, matches.a, matches.rays_a)
     count, focal_px = len(matches.a), views[0].lens.fx_px
     pixels = np.stack([_ideal(matches.rays_a, focal_px), _ideal(matches.rays_b, focal_px)], axis=1)
     # A pixel off the axis of an ideal camera stands for less of an angle.
@@ -210,35 +214,60 @@ def _ideal(rays: Array, focal_px: float) -> Array:
 
 
 def _prior(views: Sequence[View]) -> _core.PosePrior:
-    """Return what head angles and seats tell of the poses: those of one look turn together."""
-    looks = _looks(views)
-    slopes = np.zeros((6 * len(views), 2 * (1 + max(looks))))
-    for number, (view, look) in enumerate(zip(views, looks, strict=True)):
-        yaw_rad = 0.0 if view.head is None else view.head.yaw_rad
-        axes = np.array([[0, 0, 1.0], [-math.sin(yaw_rad), math.cos(yaw_rad), 0]])
-        for axis, direction in enumerate(axes):
-            at = np.cross([0.0, 0.0, HEAD_Z_M], direction)  # a turn about the neck moves the origin
-            slopes[6 * number : 6 * number + 6, 2 * look + axis] = [*at, *direction]
+    """Return what joints and seats tell of the poses: those of one look turn together, and those
+    of another posture than the first may all be off."""
+    told = [_pose_of(view) for view in views]
+    posture = _groups([view.stop_from_torso.matrix()[:3].ravel() for view in views])
+    told_heads = [
+        np.array([*(v.head or ()), 10.0 * p]) for v, p in zip(views, posture, strict=True)
+    ]
+    look = _groups(told_heads)
+    slopes = np.zeros((6 * len(views), 2 * (1 + max(look)) + 6 * max(posture)))
+    for number, view in enumerate(views):
+        rows = slice(6 * number, 6 * number + 6)
+        slopes[rows, 2 * look[number] : 2 * look[number] + 2] = ANGLE_SIGMA_RAD * _neck_turns(view)
+        if posture[number]:
+            first = 2 * (1 + max(look)) + 6 * (posture[number] - 1)
+            slopes[rows, first : first + 6] = _torso_moves(view)
     seat = np.array([*3 * [SEAT_SIGMA_M**2], *3 * [SEAT_SIGMA_RAD**2]])
-    covariance = ANGLE_SIGMA_RAD**2 * slopes @ slopes.T + np.diag(np.tile(seat, len(views)))
+    covariance = slopes @ slopes.T + np.diag(np.tile(seat, len(views)))
     return _core.PosePrior(
-        world_from_left=[_pose_of(view) for view in views],
+        world_from_left=told,
         information=np.asarray(np.linalg.inv(covariance), np.float64),
         gradient=np.zeros(6 * len(views)),
     )
 
 
-def _looks(views: Sequence[View]) -> list[int]:
-    """Return the number of each view's look: pictures taken with the head in one place share it."""
-    heads: list[Array] = []
-    looks = []
-    for view in views:
-        head = np.array(view.head)
-        same = [i for i, other in enumerate(heads) if np.abs(head - other).max() < SAME_LOOK_RAD]
+def _neck_turns(view: View) -> Array:
+    """Return the motions (6, 2) of a camera, translation over rotation, by yaw and pitch."""
+    yaw_rad = 0.0 if view.head is None else view.head.yaw_rad
+    axes = np.array([[0, 0, 1.0], [-math.sin(yaw_rad), math.cos(yaw_rad), 0]])
+    axes = axes @ view.stop_from_torso.matrix()[:3, :3].T
+    neck = view.stop_from_torso @ np.array([0.0, 0.0, HEAD_Z_M])
+    # A turn about an axis through the neck moves the origin.
+    return np.vstack([np.cross(neck, axes).T, axes.T])
+
+
+def _torso_moves(view: View) -> Array:
+    """Return the motions (6, 6) of a torso that is not quite where the legs tell it to be."""
+    origin = np.asarray(view.stop_from_torso.translation_m)
+    moves = np.zeros((6, 6))
+    moves[:3, :3] = TORSO_SIGMA_M * np.eye(3)
+    moves[:3, 3:] = TORSO_SIGMA_RAD * np.cross(origin, np.eye(3)).T
+    moves[3:, 3:] = TORSO_SIGMA_RAD * np.eye(3)
+    return moves
+
+
+def _groups(values: Sequence[Array]) -> list[int]:
+    """Return a number for each value, the same for those told alike."""
+    found: list[Array] = []
+    groups = []
+    for value in values:
+        same = [i for i, other in enumerate(found) if np.abs(value - other).max() < SAME_RAD]
         if not same:
-            heads.append(head)
-        looks.append(same[0] if same else len(heads) - 1)
-    return looks
+            found.append(value)
+        groups.append(same[0] if same else len(found) - 1)
+    return groups
 
 
 def _turned(told: Transform, found: Transform) -> list[float]:
@@ -252,8 +281,8 @@ def _turned(told: Transform, found: Transform) -> list[float]:
 
 def _inverse_sigma(poses: Sequence[Transform], matches: _Matches, points: Array) -> Array:
     """Return the standard errors (N,) of inverse distances that the matches' own errors leave."""
-    centre_a, _ = _in_torso(poses, matches.a, matches.rays_a)
-    centre_b, ahead_b = _in_torso(poses, matches.b, matches.rays_b)
+    centre_a, _ = _in_stop(poses, matches.a, matches.rays_a)
+    centre_b, ahead_b = _in_stop(poses, matches.b, matches.rays_b)
     moved = centre_a - centre_b
     across = np.linalg.norm(np.cross(moved, ahead_b), axis=1)
     return np.asarray(matches.sigma / np.maximum(across, 1e-9))

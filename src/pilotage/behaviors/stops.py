@@ -24,11 +24,15 @@ FEWEST = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stop:
-    """Views from one place in order of time; `floor_z_m` is the floor's height in the torso's
-    frame, None where the recording does not tell. `bad` are pictures that could not be read."""
+    """Views from one place in order of time: of the first posture, and `others`, say of a crouch.
+
+    `floor_z_m` is the floor's height in the frame `stop`, None where the recording does not tell.
+    `bad` are pictures that could not be read.
+    """
 
     number: int
     views: list[View]
+    others: list[View]
     floor_z_m: float | None
     bad: list[str]
 
@@ -36,7 +40,7 @@ class Stop:
 def read_stop(recording: PictureRecording, number: int) -> Stop:
     """Return the stop of that number, from 0: pictures of a robot that stood, from one place.
 
-    A crouch is a stop of its own. InputError where there is no such stop, or the recording tells
+    InputError where there is no such stop, or the recording tells
     neither of the head nor of where its cameras are.
     """
     count = 0
@@ -76,14 +80,14 @@ def _runs(
 
 
 def _is_same_place(a: SinglePicture, b: SinglePicture) -> bool:
-    told = ((a.odom_from_robot, b.odom_from_robot), (_robot_from_torso(a), _robot_from_torso(b)))
-    for one, other in told:
-        if one is None or other is None:
-            continue
-        apart = one.inverse().matrix() @ other.matrix() - np.eye(4)
-        if np.linalg.norm(apart[:3, 3]) > SAME_M or np.abs(apart[:3, :3]).max() > SAME_TURN:
-            return False
-    return True
+    return _is_same(a.odom_from_robot, b.odom_from_robot)
+
+
+def _is_same(a: Transform | None, b: Transform | None) -> bool:
+    if a is None or b is None:
+        return True
+    apart = a.inverse().matrix() @ b.matrix() - np.eye(4)
+    return bool(np.linalg.norm(apart[:3, 3]) < SAME_M and np.abs(apart[:3, :3]).max() < SAME_TURN)
 
 
 def _robot_from_torso(picture: SinglePicture) -> Transform | None:
@@ -95,15 +99,21 @@ def _robot_from_torso(picture: SinglePicture) -> Transform | None:
 def _stop(
     recording: PictureRecording, number: int, run: list[SinglePicture], bad: list[str]
 ) -> Stop:
-    views = [_view(recording, picture) for picture in run]
-    robot_from_torso = _robot_from_torso(run[0])
-    floor_z_m = None
-    if robot_from_torso is not None:
-        floor_z_m = float(robot_from_torso.inverse().translation_m[2])
-    return Stop(number=number, views=views, floor_z_m=floor_z_m, bad=list(bad))
+    first = _robot_from_torso(run[0])
+    views: list[View] = []
+    others: list[View] = []
+    for picture in run:
+        robot_from_torso = _robot_from_torso(picture)
+        is_first = _is_same(first, robot_from_torso)
+        raised = Transform()
+        if not is_first and first is not None and robot_from_torso is not None:
+            raised = first.inverse() @ robot_from_torso
+        (views if is_first else others).append(_view(recording, picture, raised))
+    floor_z_m = None if first is None else float(first.inverse().translation_m[2])
+    return Stop(number=number, views=views, others=others, floor_z_m=floor_z_m, bad=list(bad))
 
 
-def _view(recording: PictureRecording, picture: SinglePicture) -> View:
+def _view(recording: PictureRecording, picture: SinglePicture, stop_from_torso: Transform) -> View:
     joints = picture.joints_rad
     if YAW not in joints or PITCH not in joints or picture.torso_from_camera is None:
         raise InputError(
@@ -116,5 +126,5 @@ def _view(recording: PictureRecording, picture: SinglePicture) -> View:
     return View(
         name=f"{picture.index} {picture.camera} {yaw_deg:+.1f} {pitch_deg:+.1f}",
         grey=picture.picture, lens=recording.cameras[picture.camera], camera=picture.camera,
-        head=head, torso_from_camera=picture.torso_from_camera,
+        head=head, torso_from_camera=picture.torso_from_camera, stop_from_torso=stop_from_torso,
     )  # fmt: skip

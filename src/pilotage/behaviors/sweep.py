@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -34,7 +34,8 @@ FINEST_PX = 0.2  # no surface looks the same from another angle to less (measure
 class View:
     """One picture of a sweep, (height, width) uint8, by a camera with its lens.
 
-    `head` and `torso_from_camera` are what the robot told of itself, None where nobody did.
+    `head` and `torso_from_camera` are what the robot told of itself, None where nobody did. `stop`
+    is the frame of the torso as it was first: a robot that crouches brings it elsewhere.
     """
 
     name: str
@@ -43,6 +44,13 @@ class View:
     camera: str = ""
     head: HeadAngles | None = None
     torso_from_camera: Transform | None = None
+    stop_from_torso: Transform = field(default_factory=Transform)
+
+    @property
+    def stop_from_camera(self) -> Transform | None:
+        """Return where the camera was by the robot's account, None where it gave none."""
+        told = self.torso_from_camera
+        return None if told is None else self.stop_from_torso @ told
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,10 +106,11 @@ def find_shared(views: Sequence[View], features: Sequence[Features]) -> list[Sha
 def _candidates(
     a: View, b: View, in_a: Features, in_b: Features
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    if a.torso_from_camera is None or b.torso_from_camera is None:
+    stop_from_a, stop_from_b = a.stop_from_camera, b.stop_from_camera
+    if stop_from_a is None or stop_from_b is None:
         matched = _core.match_all(a=in_a.descriptors, b=in_b.descriptors)
         return matched["pairs"], matched["ratio"]
-    b_from_a = b.torso_from_camera.inverse() @ a.torso_from_camera
+    b_from_a = stop_from_b.inverse() @ stop_from_a
     turn = b_from_a.matrix()[:3, :3]
     ahead = in_a.rays @ turn.T
     predicted = b.lens.project(ahead)

@@ -29,7 +29,7 @@ CHUNK = 2000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Distances:
-    """How far things are in any direction from a centre in the torso's frame.
+    """How far things are in any direction from a centre in the frame `stop`.
 
     Measured points say it, each for the directions near it: as columns, for most things stand
     upright; the floor, where it is known, ends every ray that goes down.
@@ -72,7 +72,7 @@ class Distances:
 class Seen:
     """Features of one picture in the virtual camera.
 
-    Unit `directions` (N, 3) in the torso's frame, as seen from the middle picture's place;
+    Unit `directions` (N, 3) in the frame `stop`, as seen from the middle picture's place;
     `distance_m` (N,) from there, measured where `is_measured`, else that of what is near.
     """
 
@@ -84,10 +84,10 @@ class Seen:
 def distances_of(refined: Refined, middle: int, floor_z_m: float | None) -> Distances:
     """Return what a sweep's points tell of distances from the place of its middle picture.
 
-    floor_z_m is the floor's height in the torso's frame, None where nobody knows it.
+    floor_z_m is the floor's height in the frame `stop`, None where nobody knows it.
     """
-    centre = np.asarray(refined.torso_from_camera[middle].translation_m)
-    points = refined.points_in_torso
+    centre = np.asarray(refined.stop_from_camera[middle].translation_m)
+    points = refined.points_in_stop
     stands = np.ones(len(points), bool)
     if floor_z_m is not None:
         stands = points[:, 2] > floor_z_m + FLOOR_M
@@ -112,7 +112,7 @@ def see_features(
     """Return where the virtual camera sees each view's features."""
     seen = []
     for number, of_view in enumerate(features):
-        pose = refined.torso_from_camera[number]
+        pose = refined.stop_from_camera[number]
         ahead = of_view.rays @ pose.matrix()[:3, :3].T
         origin = np.asarray(pose.translation_m)
         points = origin + ahead * distances.along(origin, ahead)[:, None]
@@ -129,8 +129,8 @@ def _measured(
     view: int, count: int, shared: Sequence[Shared], refined: Refined
 ) -> NDArray[np.float64]:
     """Return the distances (N,) of a view's features from its camera, NaN where not measured."""
-    centre = np.asarray(refined.torso_from_camera[view].translation_m)
-    length = np.linalg.norm(refined.points_in_torso - centre, axis=1)
+    centre = np.asarray(refined.stop_from_camera[view].translation_m)
+    length = np.linalg.norm(refined.points_in_stop - centre, axis=1)
     total, weight = np.zeros(count), np.zeros(count)
     for number, found in enumerate(shared):
         rows = found.rows_a if found.a == view else found.rows_b if found.b == view else None
@@ -145,7 +145,7 @@ def _measured(
 
 
 def straight_ahead(middle: Transform) -> Transform:
-    """Return `torso_from_virtual`: at the middle picture's place, looking along the torso's x."""
+    """Return `stop_from_virtual`: at the middle picture's place, looking along the torso's x."""
     return Transform(
         translation_m=middle.translation_m.tolist(), quaternion_wxyz=[0.5, -0.5, 0.5, -0.5]
     )

@@ -58,29 +58,34 @@ class WideView:
     moving: Moving | None
 
 
-def look_wide(views: Sequence[View], *, floor_z_m: float | None = None) -> WideView:
+def look_wide(
+    views: Sequence[View], *, others: Sequence[View] = (), floor_z_m: float | None = None
+) -> WideView:
     """Return the wide view of two pictures or more, of one place in several directions.
 
-    floor_z_m is the floor's height in the torso's frame, metres, where it is known.
+    `others` are pictures of a crouch: they are not drawn, but tell how far things are. floor_z_m
+    is the floor's height in the frame `stop`, metres, where it is known.
     """
-    features = [find_features(view) for view in views]
-    shared = find_shared(views, features)
-    joined = join_by_homographies(views, link_views(views, shared))
+    count, together = len(views), [*views, *others]
+    of_all = [find_features(view) for view in together]
+    features, shared = of_all[:count], find_shared(together, of_all)
+    drawn = [found for found in shared if max(found.a, found.b) < count]
+    joined = join_by_homographies(views, link_views(views, drawn))
     fixed = directions_by_homographies(joined, features)
     lens = views[joined.middle].lens
-    if any(view.torso_from_camera is None for view in views):
+    if any(view.stop_from_camera is None for view in together):
         virtual = virtual_lens(lens, _known(fixed))
         return _with_homographies(views, features, joined, fixed, virtual, np.eye(3), None)
-    refined = refine_sweep(views, shared)
+    refined = refine_sweep(together, shared)
     distances = distances_of(refined, joined.middle, floor_z_m)
     seen = see_features(features, shared, refined, distances)
-    middle = refined.torso_from_camera[joined.middle]
-    torso_from_virtual = straight_ahead(middle)
-    turn = torso_from_virtual.matrix()[:3, :3]
+    middle = refined.stop_from_camera[joined.middle]
+    stop_from_virtual = straight_ahead(middle)
+    turn = stop_from_virtual.matrix()[:3, :3]
     ahead = [of_view.directions @ turn for of_view in seen]
     middle_from_virtual = middle.matrix()[:3, :3].T @ turn
     virtual = virtual_lens(lens, np.concatenate([*ahead, _known(fixed) @ middle_from_virtual]))
-    lookups = lookups_by_moving_centres(views, refined, distances, virtual, torso_from_virtual)
+    lookups = lookups_by_moving_centres(views, refined, distances, virtual, stop_from_virtual)
     moving = Moving(
         refined=refined, seen=seen, pixels=[_project(virtual, rays) for rays in ahead],
         stitched=stitch(views, lookups),
