@@ -28,7 +28,7 @@ from pilotage.behaviors.mosaic import (
     link_views,
 )
 from pilotage.behaviors.moving_centres import refine_sweep
-from pilotage.behaviors.sweep import Features, View, find_features, find_shared
+from pilotage.behaviors.sweep import Features, Shared, View, find_features, find_shared
 from pilotage.behaviors.virtual_camera import distances_of, see_features
 from pilotage.simulation.nao import TORSO_M
 
@@ -245,24 +245,21 @@ def _spread(error: Array, focal_px: float) -> dict[str, Any]:
 
 
 def table_of(figures: Sequence[dict[str, Any]]) -> str:
-    """Return the table: a line for each distance."""
-    titles = ["things at, m", "features"]
-    titles += [f"{name}, {unit}" for name in MODELS for unit in ("px", "degrees")]
-    titles += [
-        f"{name}: {words}"
-        for name in MOVING
-        for words in ("measured, %", "of these px", "of others px", "off-line/this", "own/this")
-    ]
+    """Return the table: a line for each distance, errors in pixels with degrees in brackets."""
+    titles = ["things at, m", "features", *(f"{name}, px (deg)" for name in MODELS)]
+    titles += [f"{fixed}/{name}" for name in MOVING for fixed in ("off-line", "own")]
+    titles += [f"{name}: {part}, px" for name in MOVING for part in ("measured", "rest")]
     rows = []
     for figure in figures:
         row = [number(figure["distance_m"]), str(figure["features"])]
-        for name in MODELS:
-            row += [f"{figure[name]['px']:.2f}", f"{figure[name]['deg']:.3f}"]
+        row += [f"{figure[name]['px']:.2f} ({figure[name]['deg']:.3f})" for name in MODELS]
         for name in MOVING:
-            own = figure[name]
-            row.append(f"{100 * own['share']:.0f}")
-            row += [f"{own[part]['px']:.2f}" for part in ("measured", "guessed")]
-            row += [f"{figure[fixed]['deg'] / own['deg']:.1f}" for fixed in ("off-line", "own")]
+            degrees = [figure[fixed]["deg"] for fixed in ("off-line", "own")]
+            row += [f"{value / figure[name]['deg']:.1f}" for value in degrees]
+        for name in MOVING:
+            share = 100 * figure[name]["share"]
+            row.append(f"{share:.0f} %: {figure[name]['measured']['px']:.2f}")
+            row.append(f"{100 - share:.0f} %: {figure[name]['guessed']['px']:.2f}")
         rows.append(row)
     return markdown_table(titles, rows)
 
