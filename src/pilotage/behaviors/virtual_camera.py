@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from pilotage import Camera, Transform
 from pilotage.behaviors.moving_centres import FURTHEST_M, NEAREST_M, Refined
@@ -25,7 +27,7 @@ STEEPNESS = 2.5  # the weight falls with the angle to the power of minus twice t
 UPWARD = 0.15  # things are higher than wide: an angle up counts as so much of one aside
 FLOOR_M = 0.05  # points lower than this are of the floor
 GUESSED_M = 3.0  # where nothing at all was measured
-CHUNK = 2000
+MOST_NEAR = 60  # points that say how far something is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,32 +39,31 @@ class Distances:
     """
 
     centre: Array
-    bearing: Array
-    elevation: Array
-    level_m: Array  # distances along the floor
+    places: Array  # (N, 2) of the points, see `_places`
+    level_m: Array  # (N,) along the floor
     weight: Array
     floor_z_m: float | None
 
     def along(self, origin: Array, directions: Array) -> Array:
         """Return the distances (N,) from `origin` (3,) along unit `directions` (N, 3), metres."""
-        parts = [
-            self._along(origin, directions[first : first + CHUNK])
-            for first in range(0, len(directions), CHUNK)
-        ]
-        found = np.concatenate([np.empty(0), *parts])
+        found = self._along(origin, directions)
         return np.asarray(np.clip(found, NEAREST_M, FURTHEST_M))
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.places)
 
     def _along(self, origin: Array, directions: Array) -> Array:
         level = np.maximum(np.hypot(directions[:, 0], directions[:, 1]), 1e-9)
         found = np.full(len(directions), GUESSED_M)
-        if len(self.bearing):
-            bearing = np.arctan2(directions[:, 1], directions[:, 0])
-            elevation = np.arctan2(directions[:, 2], level)
-            aside = _wrapped(bearing[:, None] - self.bearing)
-            apart = aside**2 + (UPWARD * (elevation[:, None] - self.elevation)) ** 2
-            weight = self.weight / (apart + NEARBY_RAD**2) ** STEEPNESS
+        if len(self.level_m):
+            places = _places(directions)
+            count = min(MOST_NEAR, len(self.level_m))
+            apart, rows = self._tree.query(places, count)
+            apart, rows = apart.reshape(-1, count), rows.reshape(-1, count)
+            weight = self.weight[rows] / (apart**2 + NEARBY_RAD**2) ** STEEPNESS
             nearer_m = directions[:, :2] @ (self.centre - origin)[:2] / level
-            found = (_weighted_median(self.level_m, weight) + nearer_m) / level
+            found = (_weighted_median(self.level_m[rows], weight) + nearer_m) / level
         if self.floor_z_m is not None:
             down = np.maximum(-directions[:, 2], 1e-9)
             found = np.minimum(found, (origin[2] - self.floor_z_m) / down)
@@ -98,7 +99,7 @@ def distances_of(refined: Refined, middle: int, floor_z_m: float | None) -> Dist
     sigma = np.hypot(refined.inverse_sigma[stands], 0.05 / level_m)  # no neighbour is quite alike
     return Distances(
         centre=centre,
-        bearing=np.arctan2(away[:, 1], away[:, 0]), elevation=np.arctan2(away[:, 2], level_m),
+        places=_places(away),
         level_m=level_m, weight=(0.05 / level_m / sigma)**2,
         floor_z_m=floor_z_m,
     )  # fmt: skip
@@ -169,13 +170,20 @@ def virtual_lens(lens: Camera, rays: Array) -> Camera:
     )  # fmt: skip
 
 
-def _wrapped(angle: Array) -> Array:
-    return np.asarray((angle + math.pi) % (2 * math.pi) - math.pi)
+def _places(directions: Array) -> Array:
+    """Return bearing and lessened elevation (N, 2), rad: near each other, things are alike.
+
+    Bearings jump behind the robot, where no sweep looks.
+    """
+    level = np.hypot(directions[:, 0], directions[:, 1])
+    bearing = np.arctan2(directions[:, 1], directions[:, 0])
+    return np.stack([bearing, UPWARD * np.arctan2(directions[:, 2], level)], axis=1)
 
 
 def _weighted_median(values: Array, weight: Array) -> Array:
-    """Return for each row of weights (N, M) the weighted median of values (M,)."""
-    order = np.argsort(values)
-    total = np.cumsum(weight[:, order], axis=1)
-    middle = (total < 0.5 * total[:, -1:]).sum(axis=1)
-    return np.asarray(values[order][np.minimum(middle, len(values) - 1)])
+    """Return the weighted median of each row of values (N, M) with weights (N, M)."""
+    order = np.argsort(values, axis=1)
+    total = np.cumsum(np.take_along_axis(weight, order, axis=1), axis=1)
+    middle = (total < 0.5 * total[:, -1:]).sum(axis=1, keepdims=True)
+    chosen = np.take_along_axis(order, np.minimum(middle, values.shape[1] - 1), axis=1)
+    return np.asarray(np.take_along_axis(values, chosen, axis=1)[:, 0])
