@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from sweep_pictures import SweepingNao, TrueView, sweep_goals, things_at, walls_at
+from sweep_pictures import SweepingNao, TrueView, sweep_goals, things_at, true_points, walls_at
 from tables import markdown_table, number
 
 from pilotage.behaviors.mosaic import (
@@ -31,6 +31,7 @@ from pilotage.behaviors.moving_centres import refine_sweep
 from pilotage.behaviors.sweep import Features, Shared, View, find_features, find_shared
 from pilotage.behaviors.virtual_camera import distances_of, see_features
 from pilotage.simulation.nao import TORSO_M
+from pilotage.simulation.world import World
 
 Array = npt.NDArray[Any]
 DISTANCES_M = (1.0, 2.0, 3.0, 5.0)
@@ -61,17 +62,30 @@ class Errors:
     focal_px: float
 
 
+@dataclass(frozen=True)
+class NaoPlan:
+    """The robot of all runs."""
+
+    width_px: int
+    encoders: float
+
+    def made(self, world: World, seed: int) -> SweepingNao:
+        """Return it in a world."""
+        return SweepingNao(world, width_px=self.width_px, seed=seed, encoders=self.encoders)
+
+
 def main() -> int:
     """Print the tables; exit 1 when the goal is missed."""
     arguments = _arguments()
-    distances_m, width_px = arguments.distances, arguments.width
+    distances_m = arguments.distances
+    nao = NaoPlan(arguments.width, arguments.encoders)
     alone: dict[float, list[Errors]] = {at_m: [] for at_m in distances_m}
     mixed: list[Errors] = []
     for seed in range(arguments.seeds):
-        fixed = off_line_homographies(arguments.off_line_m, width_px, seed)
+        fixed = off_line_homographies(arguments.off_line_m, seed, nao)
         for at_m in distances_m:
-            alone[at_m].append(errors_before([at_m], seed, width_px, fixed))
-        mixed += [errors_before(distances_m, 100 * k + seed, width_px, fixed) for k in range(MIXED)]
+            alone[at_m].append(errors_before([at_m], seed, fixed, nao))
+        mixed += [errors_before(distances_m, 100 * k + seed, fixed, nao) for k in range(MIXED)]
         print(f"[{seed + 1}/{arguments.seeds}]", file=sys.stderr, flush=True)
     tables = {
         "alone": [figures_at(at_m, runs) for at_m, runs in alone.items()],
@@ -90,16 +104,17 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--width", type=int, default=640, help="of the pictures, pixels")
     parser.add_argument("--distances", type=float, nargs="+", default=list(DISTANCES_M))
     parser.add_argument("--off-line-m", type=float, default=OFF_LINE_M)
+    parser.add_argument("--encoders", type=float, default=1.0, help="how much the head's err")
     parser.add_argument("--json", type=Path)
     return parser.parse_args()
 
 
-def off_line_homographies(distance_m: float, width_px: int, seed: int) -> dict[str, Array | None]:
+def off_line_homographies(distance_m: float, seed: int, plan: NaoPlan) -> dict[str, Array | None]:
     """Return `middle_from_view` by the view's name, of nine pictures before walls, as the paper.
 
     Three more pictures of the top camera, between its row and the bottom camera's, join the two.
     """
-    nao = SweepingNao(walls_at(distance_m, seed), width_px=width_px, seed=seed)
+    nao = plan.made(walls_at(distance_m, seed), seed)
     seen = nao.look_at(sweep_goals(from_left=seed % 2 == 0))
     between = nao.look_at(sweep_goals(from_left=seed % 2 == 0, pitch_deg=MIDDLE_ROW_DEG))
     views = [s.view for s in [*seen, *(s for s in between if s.view.camera == "top")]]
@@ -113,11 +128,11 @@ def _links(views: Sequence[View]) -> list[Link]:
 
 
 def errors_before(
-    distances_m: Sequence[float], seed: int, width_px: int, fixed: dict[str, Array | None]
+    distances_m: Sequence[float], seed: int, fixed: dict[str, Array | None], plan: NaoPlan
 ) -> Errors:
     """Return the errors of a sweep before things, each at one of `distances_m`."""
     # Not the way the head came when the homographies were found: the play of the gears shows.
-    nao = SweepingNao(things_at(distances_m, seed), width_px=width_px, seed=1000 + seed)
+    nao = plan.made(things_at(distances_m, seed), 1000 + seed)
     seen = nao.look_at(sweep_goals(from_left=seed % 2 == 1))
     nao.crouch()
     lower = nao.look_at(sweep_goals(from_left=seed % 2 == 0))
@@ -186,18 +201,6 @@ def _errors(
         {name: np.concatenate(parts) for name, parts in measured.items()},
         seen[middle].view.lens.fx_px,
     )
-
-
-def true_points(true: TrueView, of_view: Features) -> tuple[Array, Array]:
-    """Return the world's points (N, 3) that features show, and which of them lie on no edge."""
-    x, y = np.rint(of_view.pixels).astype(int).T
-    height, width = true.depth_m.shape
-    x, y = x.clip(2, width - 3), y.clip(2, height - 3)
-    around = np.stack([true.depth_m[y + dy, x + dx] for dy in range(-2, 3) for dx in range(-2, 3)])
-    known = (around.min(axis=0) > 0) & (around.max(axis=0) < 1.1 * around.min(axis=0))
-    depth_m = true.depth_m[y, x].astype(np.float64)
-    rays = of_view.rays / of_view.rays[:, 2:]
-    return true.world_from_camera @ np.ascontiguousarray(rays * depth_m[:, None]), known
 
 
 def _angle(directions: Array, away: Array) -> Array:

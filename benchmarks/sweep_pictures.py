@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pilotage import Transform
-from pilotage.behaviors.sweep import View
+from pilotage.behaviors.sweep import Features, View
 from pilotage.calibration.nao_head import (
     CAMERAS,
     HEAD_Z_M,
@@ -25,7 +25,7 @@ from pilotage.calibration.nao_head import (
     neck_from_head,
     torso_from_neck,
 )
-from pilotage.simulation import Simulation, robot_model
+from pilotage.simulation import Encoders, Simulation, robot_model
 from pilotage.simulation.camera_group import camera_groups
 from pilotage.simulation.nao import TORSO_M, Nao
 from pilotage.simulation.pictures import Pictures, camera_rays
@@ -107,19 +107,21 @@ def _add_thing(scene: Scene, number: int, bearing_rad: float, distance_m: float)
 class SweepingNao:
     """A Nao that stands in a world and looks around; the same arguments give the same pictures."""
 
-    def __init__(self, world: World, *, width_px: int, seed: int, sensor: Sensor | None = None):
-        self._model = robot_model("nao")
-        self._simulation = Simulation(world, "nao", seed=seed)
+    def __init__(self, world: World, *, width_px: int, seed: int, encoders: float = 1.0) -> None:
+        """`encoders` is how much those of the head err: 1 as a Nao's, 0 not at all."""
+        model = robot_model("nao")
+        nao = model.make_body(encoders=Encoders().scaled(encoders))
+        self._simulation = Simulation(world, nao, seed=seed)
         body = self._simulation.body
         if not isinstance(body, Nao):
             raise TypeError("the simulation's body is no Nao")
         self._body, self._stand = body, body.robot_from_torso
         self._pictures = Pictures(self._simulation)
-        lenses = self._model.single_lenses(width_px)
+        lenses = model.single_lenses(width_px)
         self._lenses = {name: group[name] for name, group in lenses.items()}
         self._rays = {name: camera_rays(lens) for name, lens in self._lenses.items()}
         self._groups = camera_groups(
-            self._simulation, lenses, sensor or Sensor(), seed=seed, pictures=self._pictures
+            self._simulation, lenses, Sensor(), seed=seed, pictures=self._pictures
         )
 
     def crouch(self) -> None:
@@ -162,3 +164,15 @@ def sweep_goals(*, from_left: bool, pitch_deg: float = 0.0) -> list[HeadAngles]:
     """Return the paper's three yaws, begun at the left or at the right."""
     yaws_deg = YAWS_DEG if from_left else YAWS_DEG[::-1]
     return [HeadAngles(math.radians(yaw), math.radians(pitch_deg)) for yaw in yaws_deg]
+
+
+def true_points(true: TrueView, of_view: Features) -> tuple[Array, Array]:
+    """Return the world's points (N, 3) that features show, and which of them lie on no edge."""
+    x, y = np.rint(of_view.pixels).astype(int).T
+    height, width = true.depth_m.shape
+    x, y = x.clip(2, width - 3), y.clip(2, height - 3)
+    around = np.stack([true.depth_m[y + dy, x + dx] for dy in range(-2, 3) for dx in range(-2, 3)])
+    known = (around.min(axis=0) > 0) & (around.max(axis=0) < 1.1 * around.min(axis=0))
+    depth_m = true.depth_m[y, x].astype(np.float64)
+    rays = of_view.rays / of_view.rays[:, 2:]
+    return true.world_from_camera @ np.ascontiguousarray(rays * depth_m[:, None]), known

@@ -19,8 +19,7 @@ from pilotage.simulation.nao import TORSO_M
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
-from head_sweep import true_points
-from sweep_pictures import SweepingNao, TrueView, sweep_goals, things_at
+from sweep_pictures import SweepingNao, TrueView, sweep_goals, things_at, true_points
 
 
 @pytest.fixture(scope="module")
