@@ -9,6 +9,7 @@ void bind_tracking(nanobind::module_& m);
 void bind_correlation(nanobind::module_& m);
 void bind_estimation(nanobind::module_& m);
 void bind_two_views(nanobind::module_& m);
+void bind_homography(nanobind::module_& m);
 void bind_bundle_adjustment(nanobind::module_& m);
 void bind_odometry(nanobind::module_& m);
 void bind_judge(nanobind::module_& m);
@@ -25,6 +26,7 @@ NB_MODULE(_core, m) {
   pilotage::bind_correlation(m);
   pilotage::bind_estimation(m);
   pilotage::bind_two_views(m);
+  pilotage::bind_homography(m);
   pilotage::bind_bundle_adjustment(m);
   pilotage::bind_odometry(m);
   pilotage::bind_judge(m);

@@ -103,6 +103,20 @@ def test_every_recording_runs_and_judges(
     assert "- `textures`: not run" in table.read_text()
 
 
+def test_moving_centres_beat_fixed_homographies(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    done = run_benchmark(
+        "head_sweep.py", "--seeds", 1, "--width", 320, "--distances", 1, 2, "--json", out
+    )
+    assert done.returncode in (0, 1), done.stderr
+    assert ("MISS" in done.stdout) == (done.returncode == 1)
+    for figure in json.loads(out.read_text())["alone"]:
+        assert figure["features"] > 300
+        assert figure["off-line"]["deg"] > 4 * figure["moving"]["deg"]
+        assert figure["off-line"]["deg"] > 8 * figure["moving"]["measured"]["deg"]
+        assert figure["crouched"]["share"] > 2 * figure["moving"]["share"]
+
+
 def test_drives_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
     out = tmp_path / "drives.jsonl"
     few = ["--width", 160, "--rate-hz", 5, "--longest-m", 5.1, "--workers", 1, "--out", out]

@@ -921,6 +921,69 @@ def refine_two_views(
     fewer than five.
     """
 
+class HomographyOptions:
+    """Settings of find_homography."""
+
+    def __init__(self) -> None: ...
+    @property
+    def threshold_px(self) -> float: ...
+    @threshold_px.setter
+    def threshold_px(self, arg: float, /) -> None: ...
+    @property
+    def min_inliers(self) -> int: ...
+    @min_inliers.setter
+    def min_inliers(self, arg: int, /) -> None: ...
+    @property
+    def confidence(self) -> float: ...
+    @confidence.setter
+    def confidence(self, arg: float, /) -> None: ...
+    @property
+    def max_samples(self) -> int: ...
+    @max_samples.setter
+    def max_samples(self, arg: int, /) -> None: ...
+    @property
+    def seed(self) -> int: ...
+    @seed.setter
+    def seed(self, arg: int, /) -> None: ...
+
+class HomographyResult:
+    """The map between two pictures, or none."""
+
+    @property
+    def b_from_a(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order="F")] | None:
+        """
+        (3, 3) of homogeneous pixels, last element 1; None where chance explains as much.
+        """
+
+    @property
+    def inlier(self) -> NDArray[numpy.bool_]:
+        """(N,) bool; all false without a map."""
+
+    @property
+    def inlier_count(self) -> int: ...
+    @property
+    def rms_px(self) -> float:
+        """Of the inliers, distance in picture b."""
+
+    @property
+    def samples(self) -> int: ...
+
+def find_homography(
+    *,
+    points_a: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), writable=False)],
+    points_b: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), writable=False)],
+    options: HomographyOptions = ...,
+    qualities: Annotated[
+        NDArray[numpy.float32], dict(shape=(None,), order="C", device="cpu", writable=False)
+    ]
+    | None = None,
+) -> HomographyResult:
+    """
+    Map of a plane, or of anything when the camera only turned, between two pictures: samples of
+    four, then least squares over all inliers. points: (N, 2) pixels; qualities: (N,) float32,
+    larger is better. Raises ValueError for lengths that differ or NaN.
+    """
+
 class PosePrior:
     """
     Gaussian knowledge of the first poses: 1/2 d^T information d + gradient^T d, d_i = log(T_i linearisation_i^-1), (translation, rotation).

@@ -11,6 +11,7 @@ from pilotage.cli.convert import convert
 from pilotage.cli.depth import depth
 from pilotage.cli.evaluate import evaluate
 from pilotage.cli.localize import localize
+from pilotage.cli.mosaic import mosaic
 from pilotage.cli.reconstruct import reconstruct
 from pilotage.cli.recover import recover
 from pilotage.cli.simulate import simulate
@@ -24,6 +25,7 @@ app = typer.Typer(
 app.command()(localize)
 app.command()(reconstruct)
 app.command()(depth)
+app.command()(mosaic)
 app.command()(evaluate)
 app.command()(convert)
 app.command()(recover)
