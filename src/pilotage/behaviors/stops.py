@@ -44,7 +44,7 @@ def read_stop(recording: PictureRecording, number: int) -> Stop:
     neither of the head nor of where its cameras are.
     """
     count = 0
-    for run, bad in _runs(recording.pictures()):
+    for run, bad in standing_runs(recording.pictures()):
         if len(run) < FEWEST:
             continue
         if count == number:
@@ -60,7 +60,7 @@ def read_stop(recording: PictureRecording, number: int) -> Stop:
     )
 
 
-def _runs(
+def standing_runs(
     pictures: Iterable[SinglePicture | BadFrame],
 ) -> Iterator[tuple[list[SinglePicture], list[str]]]:
     """Yield runs of pictures taken standing from one place, and what could not be read there."""

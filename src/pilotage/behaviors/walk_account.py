@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotage import Transform
+from pilotage.behaviors.stops import standing_runs
 from pilotage.calibration.nao_head import (
     JOINT_SIGMA_RAD,
     SEAT_SIGMA_M,
@@ -20,14 +21,13 @@ from pilotage.calibration.nao_head import (
     seat_covariance,
 )
 from pilotage.errors import InputError
+from pilotage.recordings.frames import BadFrame
 from pilotage.recordings.single import PictureRecording, SinglePicture
 
 if TYPE_CHECKING:
     from pilotage import Camera, StepAccount, WalkAccount
 
 YAW_JOINT = "HeadYaw"
-# A robot whose own account has gone no further stands where it stood.
-SAME_PLACE_M, SAME_TURN_RAD = 0.01, math.radians(1.0)
 # How much a walk of two legs errs, and the floor it walks on: metres and radians, then their growth
 # with the way (m) and the turn (rad). A tenth of the way is what the second paper's robot errs; the
 # sides of it are the simulator's (simulation/gait.py).
@@ -85,72 +85,68 @@ def read_walk(recording: PictureRecording) -> RecordedWalk:
     """Return the pictures of a recording that were taken standing, by stop.
 
     InputError where there are none, or where the recording does not tell where its cameras are on
-    the robot.
+    the robot and whether it stood.
     """
     names = tuple(recording.cameras)
+    counted = _Counted(recording)
     standing: list[SinglePicture] = []
-    moving, bad = 0, []
-    for picture in recording.pictures():
-        if not isinstance(picture, SinglePicture):
-            bad.append(picture.reason)
-        elif picture.is_moving:
-            moving += 1
-        else:
-            standing.append(picture)
-    _check(recording, standing, moving, bad)
+    stops: list[int] = []
+    for number, (run, _) in enumerate(standing_runs(counted.pictures())):
+        standing += run
+        stops += [number] * len(run)
+    _check(recording, standing, counted)
     return RecordedWalk(
         recording=recording,
         camera_names=names,
         cameras=tuple(recording.cameras[name] for name in names),
         pictures=tuple(standing),
-        stop_of_picture=_stops_of(standing),
-        moving=moving,
-        bad=tuple(bad),
+        stop_of_picture=tuple(stops),
+        moving=counted.moving,
+        bad=tuple(counted.bad),
     )
+
+
+class _Counted:
+    """A recording's pictures, and how many of them are of no use."""
+
+    def __init__(self, recording: PictureRecording) -> None:
+        self._recording = recording
+        self.moving = 0
+        self.bad: list[str] = []
+
+    def pictures(self) -> Iterator[SinglePicture | BadFrame]:
+        """Yield the pictures, counting."""
+        for picture in self._recording.pictures():
+            if isinstance(picture, BadFrame):
+                self.bad.append(picture.reason)
+            else:
+                self.moving += bool(picture.is_moving)
+            yield picture
 
 
 def _check(
-    recording: PictureRecording, standing: Sequence[SinglePicture], moving: int, bad: Sequence[str]
+    recording: PictureRecording, standing: Sequence[SinglePicture], counted: _Counted
 ) -> None:
-    if not standing and moving:
+    if not standing and counted.moving:
         raise InputError(
-            f"{recording.path}: all {moving} pictures were taken on the way; a walk with stops is"
-            " wanted, pilotage localize follows stereo pairs on the way"
+            f"{recording.path}: all {counted.moving} pictures were taken on the way; a walk with"
+            " stops is wanted, pilotage localize follows stereo pairs on the way"
         )
     if not standing:
-        said = bad[0] if bad else "it is empty"
+        said = counted.bad[0] if counted.bad else "it is empty"
         raise InputError(f"{recording.path}: holds no picture that can be read: {said}")
     for picture in standing:
+        where = f"{recording.path}: {picture.camera} at {picture.timestamp_ns} ns"
         if picture.robot_from_camera is None:
             raise InputError(
-                f"{recording.path}: does not tell where {picture.camera} is on the robot at"
-                f" {picture.timestamp_ns} ns (/tf, /tf_static); reconstruct its pictures from a"
-                " folder instead"
+                f"{where}: not told where it is on the robot (/tf, /tf_static); reconstruct its"
+                " pictures from a folder instead"
             )
-
-
-def _stops_of(pictures: Sequence[SinglePicture]) -> tuple[int, ...]:
-    stops: list[int] = []
-    place: Transform | None = None
-    for picture in pictures:
-        here = picture.odom_from_robot
-        if not stops:
-            stops.append(0)
-        else:
-            stops.append(stops[-1] + (not _is_same(place, here)))
-        if len(stops) == 1 or stops[-1] != stops[-2]:
-            place = here
-    return tuple(stops)
-
-
-def _is_same(a: Transform | None, b: Transform | None) -> bool:
-    # A robot without odometry never says that it went on: its pictures are one stop each.
-    if a is None or b is None:
-        return False
-    step = a.inverse() @ b
-    return (
-        float(np.linalg.norm(step.translation_m)) < SAME_PLACE_M and _turn_of(step) < SAME_TURN_RAD
-    )
+        if picture.odom_from_robot is None:
+            raise InputError(
+                f"{where}: no odometry (/odom) tells where the robot stood; reconstruct its"
+                " pictures from a folder instead"
+            )
 
 
 def _turn_of(step: Transform) -> float:
