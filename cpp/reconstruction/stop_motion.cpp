@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "estimation/pose_link.hpp"
 
@@ -15,6 +16,12 @@ constexpr int refining_rounds = 12;
 constexpr double cap_sigma = 4;
 /// Where refining starts, that much more is let in: hypotheses are degrees off.
 constexpr double first_cap_sigma = 30;
+/// Nothing is seen nearer to a camera than this.
+constexpr double min_distance_m = 0.15;
+/// How far the length may go from the step's, as a part of it.
+constexpr double length_sigma = 0.01, min_length_m = 0.05;
+/// Chi-square of six beyond which a motion is not that of the step.
+constexpr double step_gate = 40;
 
 /// By which angle both rays together miss a meeting, to first order, and how that changes with
 /// (the place of b, its turn) in a's axes.
@@ -47,16 +54,26 @@ double tukey(double normalised) {
   return part * part;
 }
 
-/// Gauss-Newton on the misses' robust sum and the step's account.
+/// Gauss-Newton on the misses' robust sum and the step's account; the length stays the step's, of
+/// which matches know next to nothing.
 Transform refine(std::span<const StopMatch> matches, Transform a_from_b, const StepAccount& step) {
   const Matrix6d information = step.covariance.inverse();
   const PoseLink link{0, 1, step.previous_from_stop, information};
+  const double length = std::max(min_length_m, step.previous_from_stop.translation.norm());
+  const double length_weight = 1 / std::pow(length_sigma * length, 2);
   for (int round = 0; round < refining_rounds; ++round) {
     const double share = static_cast<double>(round) / (refining_rounds - 1);
     const double cap = first_cap_sigma * std::pow(cap_sigma / first_cap_sigma, share);
     const LinearizedLink at = linearize_link(link, Transform{}, a_from_b);
     Matrix6d hessian = at.by_b.transpose() * information * at.by_b;
     Vector6d gradient = at.by_b.transpose() * information * at.error;
+    const double moved_m = a_from_b.translation.norm();
+    if (moved_m > 0) {
+      Vector6d along = Vector6d::Zero();
+      along.head<3>() = a_from_b.translation / moved_m;
+      hessian += length_weight * along * along.transpose();
+      gradient += length_weight * (moved_m - length) * along;
+    }
     for (const StopMatch& match : matches) {
       const Miss miss = miss_of(match, a_from_b);
       const double weight =
@@ -65,23 +82,25 @@ Transform refine(std::span<const StopMatch> matches, Transform a_from_b, const S
       hessian += weight * miss.by_motion * miss.by_motion.transpose();
       gradient += weight * miss.angle_rad * miss.by_motion;
     }
-    const Vector6d moved = -Eigen::LDLT<Matrix6d>(hessian).solve(gradient);
-    if (!moved.allFinite()) break;
-    a_from_b.translation += moved.head<3>();
-    a_from_b.rotation = (rotation_exp(moved.tail<3>()) * a_from_b.rotation).normalized();
+    const Vector6d change = -Eigen::LDLT<Matrix6d>(hessian).solve(gradient);
+    if (!change.allFinite()) break;
+    a_from_b.translation += change.head<3>();
+    a_from_b.rotation = (rotation_exp(change.tail<3>()) * a_from_b.rotation).normalized();
   }
   return a_from_b;
 }
 
-/// Along both rays to where they meet best: behind a camera nothing is seen.
+/// Whether both rays meet before both cameras, and not right before them: where two cameras are at
+/// one place, everything meets there.
 bool is_in_front(const StopMatch& match, const Transform& a_from_b) {
   const Eigen::Vector3d v = a_from_b.rotation * match.ray_b;
   const Eigen::Vector3d base = a_from_b * match.origin_b - match.origin_a;
   const double cosine = match.ray_a.dot(v), sine2 = 1 - cosine * cosine;
-  if (sine2 < 1e-6) return cosine > 0;  // far away
+  const double parallax_sigma = std::numbers::sqrt2 * cap_sigma * match.sigma_rad;
+  if (sine2 < parallax_sigma * parallax_sigma) return cosine > 0;  // far away
   const double along_a = (base.dot(match.ray_a) - cosine * base.dot(v)) / sine2;
   const double along_b = (cosine * base.dot(match.ray_a) - base.dot(v)) / sine2;
-  return along_a > 0 && along_b > 0;
+  return along_a > min_distance_m && along_b > min_distance_m;
 }
 
 StopMotion judged(std::span<const StopMatch> matches, const Transform& a_from_b) {
@@ -102,7 +121,9 @@ std::optional<StopMotion> find_stop_motion(std::span<const StopMatch> matches,
                                            const StepAccount& step, int min_inliers) {
   std::optional<StopMotion> best;
   for (const Transform& hypothesis : hypotheses) {
-    StopMotion motion = judged(matches, refine(matches, hypothesis, step));
+    const Transform a_from_b = refine(matches, hypothesis, step);
+    if (step.misfit(a_from_b) > step_gate) continue;
+    StopMotion motion = judged(matches, a_from_b);
     if (motion.inlier_count < min_inliers) continue;
     if (!best || motion.inlier_count > best->inlier_count) best = std::move(motion);
   }

@@ -20,6 +20,12 @@ void check_covariance(const Matrix6d& covariance, const std::string& of) {
 
 }  // namespace
 
+double StepAccount::misfit(const Transform& true_previous_from_stop) const {
+  const PoseLink link{0, 1, previous_from_stop, Matrix6d::Identity()};
+  const Vector6d error = linearize_link(link, Transform{}, true_previous_from_stop).error;
+  return error.dot(Eigen::LLT<Matrix6d>(covariance).solve(error));
+}
+
 void WalkAccount::check(int pictures) const {
   const auto has_length = [&](std::size_t length, const std::string& name) {
     if (static_cast<int>(length) != pictures) {
@@ -68,13 +74,6 @@ std::optional<StepAccount> Stops::step_between(int a, int b) const {
   // The covariance's axes turn by the step itself, and its lever is short.
   return StepAccount{account_.steps[a]->previous_from_stop.inverse(),
                      account_.steps[a]->covariance};
-}
-
-double Stops::step_misfit(int stop, const Transform& previous_from_stop) const {
-  const StepAccount& step = *account_.steps[stop];
-  const PoseLink link{0, 1, step.previous_from_stop, Matrix6d::Identity()};
-  const Vector6d error = linearize_link(link, Transform{}, previous_from_stop).error;
-  return error.dot(Eigen::LLT<Matrix6d>(step.covariance).solve(error));
 }
 
 }  // namespace pilotage

@@ -14,6 +14,9 @@ namespace pilotage {
 struct StepAccount {
   Transform previous_from_stop;
   Matrix6d covariance = Matrix6d::Zero();  ///< of (place in the former's axes, turn about own axes)
+
+  /// Square of its error at a motion, over its covariance: chi-square of six.
+  double misfit(const Transform& true_previous_from_stop) const;
 };
 
 /// What a robot that stops, looks around and walks on tells of its pictures. The frame of a stop is
@@ -55,8 +58,6 @@ class Stops {
   /// A step that vision contradicts: somebody carried the robot.
   void disbelieve_step_to(int stop) { is_believed_[stop] = 0; }
   bool is_step_believed(int stop) const { return account_.steps[stop] && is_believed_[stop]; }
-  /// Square of the step's error at these poses, over its covariance: chi-square of six.
-  double step_misfit(int stop, const Transform& previous_from_stop) const;
 
  private:
   WalkAccount account_;

@@ -17,6 +17,8 @@ namespace {
 constexpr double adjust_growth = 1.2;
 constexpr int growing_rounds = 1;
 constexpr int final_rounds = 4;
+/// Chi-square of six beyond which a step is not how the robot came.
+constexpr double doubt_gate = 40;
 
 int posed_stops(const Stops& stops) {
   int count = 0;
@@ -38,6 +40,19 @@ void grow(Scene& scene, Stops& stops, const ReconstructionConfig& config) {
     // What was refused may be posed in a better or larger model.
     was_refused.assign(was_refused.size(), 0);
   }
+}
+
+/// Steps that the adjusted stops contradict are not believed any more. False if there are none.
+bool doubt_steps(Stops& stops) {
+  bool has_doubted = false;
+  for (int stop = 1; stop < stops.count(); ++stop) {
+    const auto &a = stops.world_from_stop(stop - 1), &b = stops.world_from_stop(stop);
+    if (!a || !b || !stops.is_step_believed(stop)) continue;
+    if (stops.account().steps[stop]->misfit(a->inverse() * *b) < doubt_gate) continue;
+    stops.disbelieve_step_to(stop);
+    has_doubted = true;
+  }
+  return has_doubted;
 }
 
 /// Makes the first stop with a pose the world, and lengths `factor` times as large.
@@ -111,6 +126,7 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
   if (start_walk(scene, stops, pairs, config)) {
     grow(scene, stops, config);
     adjust_walk(scene, stops, config, final_rounds);
+    if (doubt_steps(stops)) adjust_walk(scene, stops, config, final_rounds);
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
     refine_features(scene, set, order, team);
     adjust_walk(scene, stops, config, final_rounds);
