@@ -56,6 +56,8 @@ HOME_M, HOME_DEG = 0.05, 2.0
 # A pose is wrong when it is off by more than this and five of its own standard errors.
 WRONG_M = 0.10
 STEP_ERROR = 0.10
+# Half of its variance is common to a walk.
+COMMON = math.sqrt(0.5)
 ROOM = {"person": "walk", "length_m": 12.0, "width_m": 11.0}
 FIRST_SEED = 5001
 APART_M = (0.7, 0.9)  # of the path from those who walk beside it
@@ -139,12 +141,12 @@ def walk_of(world: World, path: str, width: int, out: Path) -> RecordedWalk:
 def misled(walk: RecordedWalk, seed: int) -> RecordedWalk:
     """Return the walk whose steps are told with a further error of a tenth."""
     random = np.random.default_rng([78, seed])
-    common = 1 + STEP_ERROR * random.standard_normal()
+    common = COMMON * STEP_ERROR * random.standard_normal()
     told = [first.odom_from_robot for first in walk.firsts]
     places = [told[0]]
     for before, after in pairwise(told):
         step = before.inverse() @ after
-        factor = common * (1 + STEP_ERROR * random.standard_normal())
+        factor = 1 + common + COMMON * STEP_ERROR * random.standard_normal()
         way_m = float(np.linalg.norm(step.translation_m))
         yaw_rad = STEP_ERROR * way_m * random.standard_normal()
         turn = Transform(quaternion_wxyz=[math.cos(yaw_rad / 2), 0, 0, math.sin(yaw_rad / 2)])

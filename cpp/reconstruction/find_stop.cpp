@@ -12,7 +12,7 @@ namespace {
 
 /// Of the places a stop shows this part must agree on its pose, where its step led and elsewhere.
 /// A person may cover most of what it shows, but nobody carries a robot to a place by chance.
-constexpr double min_share = 0.15, min_carried_share = 0.4;
+constexpr double min_share = 0.15, sure_share = 0.3, min_carried_share = 0.4;
 constexpr int min_carried_sights = 30;
 /// Elsewhere this part of what agrees must be further from its middle than a person reaches.
 constexpr double person_reach_rad = 0.35, min_spread_share = 0.3;
@@ -35,7 +35,12 @@ std::vector<StopSight> sights_of(const Scene& scene, const Stops& stops, int sto
 }
 
 /// Where the steps from a posed stop lead, over a few that have no pose.
-std::optional<PredictedStop> predict_from(const Stops& stops, int stop, int direction) {
+struct Prediction {
+  PredictedStop stop;
+  int steps = 0;  ///< that lead there
+};
+
+std::optional<Prediction> predict_from(const Stops& stops, int stop, int direction) {
   PredictedStop predicted{{}, Matrix6d::Zero()};
   Transform other_from_stop;
   for (int steps = 1, from = stop; steps <= max_steps; ++steps, from += direction) {
@@ -51,15 +56,15 @@ std::optional<PredictedStop> predict_from(const Stops& stops, int stop, int dire
         lever * lever * step->covariance(5, 5) * Eigen::Matrix3d::Identity();
     if (!stops.world_from_stop(other)) continue;
     predicted.world_from_stop = *stops.world_from_stop(other) * other_from_stop;
-    return predicted;
+    return Prediction{predicted, steps};
   }
   return std::nullopt;
 }
 
-std::optional<PredictedStop> predicted_pose(const Stops& stops, int stop) {
+std::optional<Prediction> predicted_pose(const Stops& stops, int stop) {
   const auto before = predict_from(stops, stop, -1), after = predict_from(stops, stop, 1);
   if (!before || !after) return before ? before : after;
-  return before->covariance.trace() <= after->covariance.trace() ? before : after;
+  return before->steps <= after->steps ? before : after;
 }
 
 /// Whether what agrees lies all around: somebody who walks about is seen in one direction only.
@@ -77,6 +82,15 @@ bool is_spread(const StopResection& found, std::span<const StopSight> sights,
     return ray.dot(mean) < std::cos(person_reach_rad);
   });
   return static_cast<double>(far) > min_spread_share * static_cast<double>(rays.size());
+}
+
+/// Whether so much agrees where steps led that it is no chance and nobody else's motion.
+bool is_enough(const StopResection& found, int steps, std::span<const StopSight> sights,
+               std::span<const Transform> seats) {
+  const double share = found.inlier_count / static_cast<double>(sights.size());
+  // Over stops without a pose there is place for any motion.
+  if (steps > 1) return share > min_carried_share && is_spread(found, sights, seats);
+  return share > sure_share || (share > min_share && is_spread(found, sights, seats));
 }
 
 }  // namespace
@@ -101,18 +115,17 @@ std::optional<FoundStop> find_stop(const Scene& scene, const Stops& stops, int s
   options.min_inliers = config.min_pose_inliers;
   const auto predicted = predicted_pose(stops, stop);
   std::optional<StopResection> near;
-  if (predicted) {
-    near = resect_stop(sights, seats, options, predicted);
-    if (near && near->inlier_count < min_share * count) near.reset();
-    if (near && near->inlier_count > count / (1 + carried_advantage)) {
-      return FoundStop{near->world_from_stop, true};
-    }
+  if (predicted) near = resect_stop(sights, seats, options, predicted->stop);
+  const int agree_near = near ? near->inlier_count : 0;
+  if (near && !is_enough(*near, predicted->steps, sights, seats)) near.reset();
+  if (near && agree_near > count / (1 + carried_advantage)) {
+    return FoundStop{near->world_from_stop, true};
   }
   options.min_inliers = std::max(min_carried_sights, config.min_pose_inliers);
   const auto anywhere = resect_stop(sights, seats, options);
   if (anywhere && anywhere->inlier_count > min_carried_share * count &&
-      is_spread(*anywhere, sights, seats) &&
-      (!near || anywhere->inlier_count > carried_advantage * near->inlier_count)) {
+      anywhere->inlier_count > carried_advantage * agree_near &&
+      is_spread(*anywhere, sights, seats)) {
     return FoundStop{anywhere->world_from_stop, false};
   }
   if (!near) return std::nullopt;

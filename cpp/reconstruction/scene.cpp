@@ -124,6 +124,7 @@ int Scene::use_fitting(int t) {
 
 std::optional<Eigen::Vector3d> Scene::intersect(const FeatureRef& a, const FeatureRef& b) const {
   const Transform b_from_a = *poses_[b.picture] * poses_[a.picture]->inverse();
+  if (b_from_a.translation.norm() < min_baseline_) return std::nullopt;
   const Eigen::Vector3d ray_a = ray(a), ray_b = ray(b);
   if ((b_from_a.rotation * ray_a).cross(ray_b).norm() <
       std::sin(config_.min_angle_deg * rad_of_deg))
@@ -163,15 +164,16 @@ bool Scene::place_anew(int t) {
 
 bool Scene::has_angle(int t) const {
   const double least = std::cos(kept_angle * config_.min_angle_deg * rad_of_deg);
-  std::vector<Eigen::Vector3d> rays;
+  std::vector<Eigen::Vector3d> from_centres;
   for (std::size_t k = 0; k < tracks_[t].size(); ++k) {
     if (!points_[t].is_used[k]) continue;
     const Transform& pose = *poses_[tracks_[t][k].picture];
-    rays.push_back(
-        (pose.rotation.conjugate() * pose.translation + *points_[t].in_world).normalized());
-    for (const Eigen::Vector3d& other : rays) {
-      if (other.dot(rays.back()) < least) return true;
+    const Eigen::Vector3d way = pose.rotation.conjugate() * pose.translation + *points_[t].in_world;
+    for (const Eigen::Vector3d& other : from_centres) {
+      if ((other - way).norm() < min_baseline_) continue;
+      if (other.dot(way) < least * other.norm() * way.norm()) return true;
     }
+    from_centres.push_back(way);
   }
   return false;
 }

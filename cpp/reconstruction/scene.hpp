@@ -85,6 +85,10 @@ class Scene {
   /// any angle. Returns how many features went.
   int drop_outliers(std::span<const int> tracks);
 
+  /// Places rest on rays from centres at least so far apart, in the world's unit: between nearer
+  /// ones what joints err looks like parallax, and somebody who walks stands still.
+  void set_min_baseline(double length) { min_baseline_ = length; }
+
   /// Makes another frame the world, and then lengths `scale` times as large.
   void move_world(Transform new_from_old, double scale);
 
@@ -95,6 +99,7 @@ class Scene {
   int use_fitting(int t);
 
   ReconstructionConfig config_;
+  double min_baseline_ = 0;
   RectifiedStereo ideal_;
   std::vector<SeenFeatures> pictures_;
   std::vector<Track> tracks_;

@@ -21,7 +21,7 @@ constexpr double min_distance_m = 0.15;
 /// How far the length may go from the step's, as a part of it.
 constexpr double length_sigma = 0.01, min_length_m = 0.05;
 /// Chi-square of six beyond which a motion is not that of the step.
-constexpr double step_gate = 40;
+constexpr double step_gate = 25;
 
 /// By which angle both rays together miss a meeting, to first order, and how that changes with
 /// (the place of b, its turn) in a's axes.

@@ -40,7 +40,7 @@ struct StopResection {
 struct PredictedStop {
   Transform world_from_stop;
   Matrix6d covariance = Matrix6d::Identity();  ///< of (place in the stop's axes, turn about them)
-  double gate = 40;
+  double gate = 25;
 };
 std::optional<StopResection> resect_stop(std::span<const StopSight> sights,
                                          std::span<const Transform> stop_from_camera,

@@ -17,8 +17,10 @@ namespace {
 constexpr double adjust_growth = 1.2;
 constexpr int growing_rounds = 1;
 constexpr int final_rounds = 4;
+/// Further than a head's turn moves its cameras, and less than a crouch.
+constexpr double min_baseline_m = 0.08;
 /// Chi-square of six beyond which a step is not how the robot came.
-constexpr double doubt_gate = 40;
+constexpr double doubt_gate = 25;
 
 int posed_stops(const Stops& stops) {
   int count = 0;
@@ -121,6 +123,7 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
   std::iota(order.begin(), order.end(), 0);
   // 1-4. Salient regions, tentative matches, the geometry of two pictures, tracks.
   auto [described, pairs, scene] = observe(set, order, order, config, team);
+  scene.set_min_baseline(min_baseline_m);
   // 5. Stops in one frame, one after the other; adjustment with what the robot tells.
   WalkReconstruction result;
   if (start_walk(scene, stops, pairs, config)) {

@@ -73,6 +73,17 @@ void disbelieve_steps(Stops& stops, int stop) {
 
 }  // namespace
 
+bool try_stop(Scene& scene, Stops& stops, int stop, bool anywhere,
+              const ReconstructionConfig& config) {
+  const auto found = find_stop(scene, stops, stop, config);
+  if (!found || !(anywhere || found->is_where_step_led)) return false;
+  if (!found->is_where_step_led) disbelieve_steps(stops, stop);
+  pose_stop(scene, stops, stop, found->world_from_stop);
+  if (settle(scene, stops, stop, config)) return true;
+  remove(scene, stops, stop);
+  return false;
+}
+
 std::optional<int> add_stop(Scene& scene, Stops& stops, std::vector<char>& was_refused,
                             const ReconstructionConfig& config) {
   for (;;) {
@@ -85,12 +96,7 @@ std::optional<int> add_stop(Scene& scene, Stops& stops, std::vector<char>& was_r
       best = stop;
     }
     if (best < 0) return std::nullopt;
-    if (const auto found = find_stop(scene, stops, best, config)) {
-      if (!found->is_where_step_led) disbelieve_steps(stops, best);
-      pose_stop(scene, stops, best, found->world_from_stop);
-      if (settle(scene, stops, best, config)) return best;
-      remove(scene, stops, best);
-    }
+    if (try_stop(scene, stops, best, true, config)) return best;
     was_refused[best] = 1;
   }
 }

@@ -22,6 +22,11 @@ bool start_walk(Scene& scene, Stops& stops, const std::vector<ViewPair>& pairs,
 std::optional<int> add_stop(Scene& scene, Stops& stops, std::vector<char>& was_refused,
                             const ReconstructionConfig& config);
 
+/// Poses one stop, if where its steps led enough agrees (or, `anywhere`, elsewhere nearly all
+/// does).
+bool try_stop(Scene& scene, Stops& stops, int stop, bool anywhere,
+              const ReconstructionConfig& config);
+
 /// Adjusts all pictures, stops and places; takes out what does not fit and places what can be
 /// placed now, until little changes or `rounds` are over.
 void adjust_walk(Scene& scene, Stops& stops, const ReconstructionConfig& config, int rounds);

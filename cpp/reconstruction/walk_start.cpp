@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
 
 #include "reconstruction/stop_motion.hpp"
 #include "reconstruction/walk_growth.hpp"
@@ -91,22 +92,19 @@ std::vector<Transform> hypotheses_of(const Stops& stops, const StopPair& pair,
   return hypotheses;
 }
 
-/// Places that both stops show, the more so at good angles.
-double start_score(const Scene& scene, const Stops& stops, const StopPair& pair) {
+/// Places that all posed stops show, the more so at good angles.
+double start_score(const Scene& scene, const Stops& stops, const StopPair& pair, int posed) {
   double score = 0;
   const Eigen::Vector3d from_a = stops.world_from_stop(pair.a)->translation;
   const Eigen::Vector3d from_b = stops.world_from_stop(pair.b)->translation;
   for (int t = 0; t < scene.track_count(); ++t) {
     const ScenePoint& point = scene.point(t);
     if (!point.in_world) continue;
-    bool in_a = false, in_b = false;
+    std::set<int> shown_at;
     for (std::size_t k = 0; k < scene.track(t).size(); ++k) {
-      if (!point.is_used[k]) continue;
-      const int stop = stops.stop_of(scene.track(t)[k].picture);
-      in_a = in_a || stop == pair.a;
-      in_b = in_b || stop == pair.b;
+      if (point.is_used[k]) shown_at.insert(stops.stop_of(scene.track(t)[k].picture));
     }
-    if (!in_a || !in_b) continue;
+    if (static_cast<int>(shown_at.size()) < posed) continue;
     const double cosine =
         (*point.in_world - from_a).normalized().dot((*point.in_world - from_b).normalized());
     score += std::min(1.0, std::acos(std::clamp(cosine, -1.0, 1.0)) / ample_parallax);
@@ -114,14 +112,22 @@ double start_score(const Scene& scene, const Stops& stops, const StopPair& pair)
   return score;
 }
 
+/// Poses the pair and a stop beside it; returns the score.
 double begin(Scene& scene, Stops& stops, const StopPair& pair, const Transform& a_from_b,
              const ReconstructionConfig& config) {
   clear(scene, stops);
+  stops.believe_steps();
   pose_stop(scene, stops, pair.a, Transform{});
   pose_stop(scene, stops, pair.b, a_from_b);
   scene.place(tracks_of(scene, pictures_of(stops, std::array{pair.a, pair.b})));
   adjust_walk(scene, stops, config, 2);
-  return start_score(scene, stops, pair);
+  if (stops.count() == 2) return start_score(scene, stops, pair, 2);
+  // Two stops have any depth; a third, where its step led, has the same.
+  for (const int third : {pair.b + 1, pair.a - 1}) {
+    if (third < 0 || third >= stops.count()) continue;
+    if (try_stop(scene, stops, third, false, config)) return start_score(scene, stops, pair, 3);
+  }
+  return 1e-3 * start_score(scene, stops, pair, 2);
 }
 
 }  // namespace
