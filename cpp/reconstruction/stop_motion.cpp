@@ -43,8 +43,16 @@ Miss miss_of(const StopMatch& match, const Transform& a_from_b) {
   miss.angle_rad = triple * inverse;
   // triple = base . (ray_a x v): base moves with the place and turns with its lever, v turns.
   const Eigen::Vector3d normal = match.ray_a.cross(v);
-  miss.by_motion.head<3>() = inverse * normal;
-  miss.by_motion.tail<3>() = inverse * (lever.cross(normal) + v.cross(across_a));
+  // What it is divided by changes too: without that, a shorter way would mend misses.
+  const Eigen::Vector3d length2_by_base =
+      2 * (base - base.dot(match.ray_a) * match.ray_a + base - base.dot(v) * v) -
+      4 * triple * normal;
+  const Eigen::Vector3d length2_by_v = -2 * base.dot(v) * base - 4 * triple * across_a;
+  const double by_length2 = -0.5 * miss.angle_rad * inverse * inverse;
+  const Eigen::Vector3d by_base = inverse * normal + by_length2 * length2_by_base;
+  const Eigen::Vector3d by_v = inverse * across_a + by_length2 * length2_by_v;
+  miss.by_motion.head<3>() = by_base;
+  miss.by_motion.tail<3>() = lever.cross(by_base) + v.cross(by_v);
   return miss;
 }
 

@@ -57,6 +57,7 @@ class Stops {
   std::optional<StepAccount> step_between(int a, int b) const;
   /// A step that vision contradicts: somebody carried the robot.
   void disbelieve_step_to(int stop) { is_believed_[stop] = 0; }
+  void believe_step_to(int stop) { is_believed_[stop] = 1; }
   bool is_step_believed(int stop) const { return account_.steps[stop] && is_believed_[stop]; }
 
  private:

@@ -99,7 +99,10 @@ std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, dou
     const bool has_step = k > 0 && stops.account().steps[k].has_value();
     placed[k].fate = has_step && !stops.is_step_believed(k) ? StopFate::carried : StopFate::placed;
     const Eigen::Vector3d way = length_sigma * placed[k].world_from_stop->translation;
-    placed[k].covariance = covariances[k];
+    // A turn of the world's axes moves the place on its lever.
+    Matrix6d place_from_left = Matrix6d::Identity();
+    place_from_left.topRightCorner<3, 3>() = -cross_matrix(placed[k].world_from_stop->translation);
+    placed[k].covariance = place_from_left * covariances[k] * place_from_left.transpose();
     placed[k].covariance.topLeftCorner<3, 3>() += way * way.transpose();
   }
   count_sights(scene, stops, placed);

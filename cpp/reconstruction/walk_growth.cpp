@@ -12,6 +12,8 @@
 namespace pilotage {
 namespace {
 
+/// Chi-square of six beyond which a step did not lead where a stop is.
+constexpr double contradiction = 40;
 /// Stops whose poses are adjusted with a new one.
 constexpr int near_stops = 3;
 
@@ -63,12 +65,17 @@ void remove(Scene& scene, Stops& stops, int stop) {
   scene.drop_outliers(tracks_of(scene, stops.pictures_of(stop)));
 }
 
-void disbelieve_steps(Stops& stops, int stop) {
-  if (stop > 0 && stops.world_from_stop(stop - 1)) {
-    stops.disbelieve_step_to(stop);
-  } else if (stop + 1 < stops.count() && stops.world_from_stop(stop + 1)) {
-    stops.disbelieve_step_to(stop + 1);
+/// Steps to and from a stop that its pose and its neighbours' contradict.
+std::vector<int> contradicted_steps(const Stops& stops, int stop) {
+  std::vector<int> contradicted;
+  for (const int to : {stop, stop + 1}) {
+    if (to < 1 || to >= stops.count() || !stops.is_step_believed(to)) continue;
+    const auto &before = stops.world_from_stop(to - 1), &after = stops.world_from_stop(to);
+    if (!before || !after) continue;
+    const double misfit = stops.account().steps[to]->misfit(before->inverse() * *after);
+    if (misfit > contradiction) contradicted.push_back(to);
   }
+  return contradicted;
 }
 
 }  // namespace
@@ -86,10 +93,12 @@ std::optional<int> add_stop(Scene& scene, Stops& stops, std::vector<char>& was_r
     }
     if (best < 0) return std::nullopt;
     if (const auto found = find_stop(scene, stops, best, config)) {
-      if (!found->is_where_step_led) disbelieve_steps(stops, best);
       pose_stop(scene, stops, best, found->world_from_stop);
+      const std::vector<int> contradicted = contradicted_steps(stops, best);
+      for (const int to : contradicted) stops.disbelieve_step_to(to);
       if (settle(scene, stops, best, config)) return best;
       remove(scene, stops, best);
+      for (const int to : contradicted) stops.believe_step_to(to);
     }
     was_refused[best] = 1;
   }
