@@ -19,6 +19,7 @@ from pilotage.behaviors.walk import PlacedWalk, place_walk, what_became
 from pilotage.behaviors.walk_account import RecordedWalk, read_walk
 from pilotage.behaviors.walk_folder import against_truth, reconstruct_recording
 from pilotage.errors import InputError
+from pilotage.evaluation.model_report import what_is_missing
 from pilotage.models import read_colmap_binary
 from pilotage.models.ply import read_ply
 from pilotage.pose_files import AXES, UPPER_TRIANGLE
@@ -172,6 +173,7 @@ def test_a_carried_robot_is_not_where_its_steps_led(walk: RecordedWalk):
     words = what_became(carried.stops)
     assert len(words) == 1
     assert "carried" in words[0]
+    assert what_is_missing("; ".join(words)) == words
     true = np.delete(true_poses(walk), left_out, axis=0)
     errors, sigmas = errors_of(carried, true)
     known = ~np.isnan(errors)
@@ -192,6 +194,7 @@ def test_a_stop_that_shows_another_room_is_lost(walk: RecordedWalk):
     assert lost.world_from_torso[-1] is None
     (words,) = what_became(lost.stops)
     assert words.startswith(f"stop {STOPS - 1}: lost")
+    assert what_is_missing(words) == [words]
     truth = against_truth(lost)
     assert truth is not None
     assert truth["largest_m"] < 0.03
