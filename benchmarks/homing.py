@@ -344,7 +344,7 @@ def main() -> int:
     parser.add_argument("--rooms", type=int, default=100)
     parser.add_argument("--width", type=int, default=640, help="of the pictures, pixels")
     parser.add_argument("--path", default="closed-10m")
-    parser.add_argument("--people", type=int, default=18)
+    parser.add_argument("--people", type=int, default=12)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, help="file to add results to, one JSON line each")
     arguments = parser.parse_args()

@@ -83,7 +83,7 @@ void bind_stops(nb::module_& m) {
       .def_ro("fate", &PlacedStop::fate)
       .def_ro("world_from_stop", &PlacedStop::world_from_stop, "None where it is lost.")
       .def_ro("covariance", &PlacedStop::covariance, nb::rv_policy::copy,
-              "(6, 6) of the left perturbation (translation, rotation), against the first stop.")
+              "(6, 6) of the place and of the turn about the world's axes, against the first stop.")
       .def_ro("sights", &PlacedStop::sights, "Observations of places that hold it.")
       .def_ro("set_aside", &PlacedStop::set_aside,
               "Features that other stops show as well and that contradict the room.");

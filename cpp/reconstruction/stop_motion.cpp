@@ -20,8 +20,6 @@ constexpr double first_cap_sigma = 30;
 constexpr double min_distance_m = 0.15;
 /// How far the length may go from the step's, as a part of it.
 constexpr double length_sigma = 0.01, min_length_m = 0.05;
-/// Chi-square of six beyond which a motion is not that of the step.
-constexpr double step_gate = 25;
 
 /// By which angle both rays together miss a meeting, to first order, and how that changes with
 /// (the place of b, its turn) in a's axes.
@@ -43,8 +41,16 @@ Miss miss_of(const StopMatch& match, const Transform& a_from_b) {
   miss.angle_rad = triple * inverse;
   // triple = base . (ray_a x v): base moves with the place and turns with its lever, v turns.
   const Eigen::Vector3d normal = match.ray_a.cross(v);
-  miss.by_motion.head<3>() = inverse * normal;
-  miss.by_motion.tail<3>() = inverse * (lever.cross(normal) + v.cross(across_a));
+  // What it is divided by changes too: without that, a shorter way would mend misses.
+  const Eigen::Vector3d length2_by_base =
+      2 * (base - base.dot(match.ray_a) * match.ray_a + base - base.dot(v) * v) -
+      4 * triple * normal;
+  const Eigen::Vector3d length2_by_v = -2 * base.dot(v) * base - 4 * triple * across_a;
+  const double by_length2 = -0.5 * miss.angle_rad * inverse * inverse;
+  const Eigen::Vector3d by_base = inverse * normal + by_length2 * length2_by_base;
+  const Eigen::Vector3d by_v = inverse * across_a + by_length2 * length2_by_v;
+  miss.by_motion.head<3>() = by_base;
+  miss.by_motion.tail<3>() = lever.cross(by_base) + v.cross(by_v);
   return miss;
 }
 

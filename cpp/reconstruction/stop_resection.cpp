@@ -112,7 +112,7 @@ bool is_allowed(const Transform& world_from_stop, const std::optional<PredictedS
   if (!predicted) return true;
   const PoseLink none{};
   const Vector6d error = linearize_link(none, predicted->world_from_stop, world_from_stop).error;
-  return error.dot(Eigen::LLT<Matrix6d>(predicted->covariance).solve(error)) < predicted->gate;
+  return error.dot(Eigen::LLT<Matrix6d>(predicted->covariance).solve(error)) < step_gate;
 }
 
 /// Three sights of one picture; pictures with more are asked more often.
@@ -152,6 +152,24 @@ class Sampler {
   std::vector<std::size_t> first_, last_;
 };
 
+/// world_from_stop by three sights of one picture.
+std::vector<Transform> poses_of(const std::array<std::size_t, 3>& sample,
+                                std::span<const StopSight> sights,
+                                std::span<const Transform> stop_from_camera) {
+  std::array<Eigen::Vector3d, 3> places, rays;
+  for (int k = 0; k < 3; ++k) {
+    places[k] = sights[sample[k]].in_world;
+    rays[k] = sights[sample[k]].ray;
+  }
+  const Transform& seat = stop_from_camera[sights[sample[0]].picture];
+  const P3pSolutions solutions = solve_p3p(places, rays);
+  std::vector<Transform> poses;
+  for (int s = 0; s < solutions.count; ++s) {
+    poses.push_back((seat * solutions.camera_from_points[s]).inverse());
+  }
+  return poses;
+}
+
 }  // namespace
 
 std::optional<StopResection> resect_stop(std::span<const StopSight> sights,
@@ -176,22 +194,15 @@ std::optional<StopResection> resect_stop(std::span<const StopSight> sights,
   for (int i = 0; i < options.max_samples && since < patience; ++i, ++since) {
     const auto sample = sampler.draw();
     if (!sample) continue;
-    std::array<Eigen::Vector3d, 3> places, rays;
-    for (int k = 0; k < 3; ++k) {
-      places[k] = sights[(*sample)[k]].in_world;
-      rays[k] = sights[(*sample)[k]].ray;
-    }
-    const Transform& seat = stop_from_camera[sights[(*sample)[0]].picture];
-    const P3pSolutions solutions = solve_p3p(places, rays);
-    for (int s = 0; s < solutions.count; ++s) {
-      const Transform pose = (seat * solutions.camera_from_points[s]).inverse();
+    for (const Transform& pose : poses_of(*sample, sights, stop_from_camera)) {
       if (!consider(pose)) continue;
       consider(rig.refined(pose));
       since = 0;
     }
   }
   if (!best) return std::nullopt;
-  StopResection result = rig.judged(rig.refined(*best));
+  const Transform refined = rig.refined(*best);
+  StopResection result = rig.judged(is_allowed(refined, predicted) ? refined : *best);
   if (result.inlier_count < options.min_inliers) return std::nullopt;
   return result;
 }

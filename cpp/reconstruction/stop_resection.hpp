@@ -35,12 +35,11 @@ struct StopResection {
 /// Where a stop is, from places all its cameras see: P3P in one picture poses the whole rig, all
 /// sights judge it (LO-RANSAC), and the best is refined on those that agree.
 ///
-/// With `predicted`, only poses within a chi-square of `gate` of it are taken. `cameras` are the
+/// With `predicted`, only poses within `step_gate` of it are taken. `cameras` are the
 /// account's stop_from_camera. None where fewer than min_inliers agree. Seeded.
 struct PredictedStop {
   Transform world_from_stop;
   Matrix6d covariance = Matrix6d::Identity();  ///< of (place in the stop's axes, turn about them)
-  double gate = 25;
 };
 std::optional<StopResection> resect_stop(std::span<const StopSight> sights,
                                          std::span<const Transform> stop_from_camera,

@@ -2,8 +2,10 @@
 #include "reconstruction/stops.hpp"
 
 #include <Eigen/Cholesky>
+#include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "estimation/pose_link.hpp"
 
@@ -16,6 +18,11 @@ void check_covariance(const Matrix6d& covariance, const std::string& of) {
   if (!covariance.allFinite() || Eigen::LLT<Matrix6d>(covariance).info() != Eigen::Success) {
     refuse("the covariance of " + of + " must be finite and positive");
   }
+}
+
+void check_pose(const Transform& pose, const std::string& of) {
+  const bool is_unit = std::abs(pose.rotation.norm() - 1) < 1e-6;
+  if (!pose.translation.allFinite() || !is_unit) refuse("the pose of " + of + " must be finite");
 }
 
 }  // namespace
@@ -49,10 +56,14 @@ void WalkAccount::check(int pictures) const {
     before = stop;
   }
   for (int i = 0; i < pictures; ++i) {
+    check_pose(stop_from_camera[i], "picture " + std::to_string(i));
     check_covariance(joint_covariances[i], "picture " + std::to_string(i));
   }
   for (int k = 0; k < stop_count(); ++k) {
-    if (steps[k]) check_covariance(steps[k]->covariance, "the step to stop " + std::to_string(k));
+    if (!steps[k]) continue;
+    if (k == 0) refuse("steps has one to stop 0: no stop is before the first");
+    check_pose(steps[k]->previous_from_stop, "the step to stop " + std::to_string(k));
+    check_covariance(steps[k]->covariance, "the step to stop " + std::to_string(k));
   }
 }
 

@@ -10,6 +10,9 @@
 
 namespace pilotage {
 
+/// Chi-square of six (99.7 %) beyond which a motion is not that of the step.
+constexpr double step_gate = 20;
+
 /// How a robot believes to have come from the stop before to this one.
 struct StepAccount {
   Transform previous_from_stop;
@@ -58,6 +61,7 @@ class Stops {
   /// A step that vision contradicts: somebody carried the robot.
   void disbelieve_step_to(int stop) { is_believed_[stop] = 0; }
   void believe_steps() { is_believed_.assign(is_believed_.size(), 1); }
+  void believe_step_to(int stop) { is_believed_[stop] = 1; }
   bool is_step_believed(int stop) const { return account_.steps[stop] && is_believed_[stop]; }
 
  private:

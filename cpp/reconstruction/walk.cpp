@@ -19,8 +19,6 @@ constexpr int growing_rounds = 1;
 constexpr int final_rounds = 4;
 /// Further than a head's turn moves its cameras, and less than a crouch.
 constexpr double min_baseline_m = 0.08;
-/// Chi-square of six beyond which a step is not how the robot came.
-constexpr double doubt_gate = 25;
 
 int posed_stops(const Stops& stops) {
   int count = 0;
@@ -50,7 +48,7 @@ bool doubt_steps(Stops& stops) {
   for (int stop = 1; stop < stops.count(); ++stop) {
     const auto &a = stops.world_from_stop(stop - 1), &b = stops.world_from_stop(stop);
     if (!a || !b || !stops.is_step_believed(stop)) continue;
-    if (stops.account().steps[stop]->misfit(a->inverse() * *b) < doubt_gate) continue;
+    if (stops.account().steps[stop]->misfit(a->inverse() * *b) < step_gate) continue;
     stops.disbelieve_step_to(stop);
     has_doubted = true;
   }
@@ -101,7 +99,10 @@ std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, dou
     const bool has_step = k > 0 && stops.account().steps[k].has_value();
     placed[k].fate = has_step && !stops.is_step_believed(k) ? StopFate::carried : StopFate::placed;
     const Eigen::Vector3d way = length_sigma * placed[k].world_from_stop->translation;
-    placed[k].covariance = covariances[k];
+    // A turn of the world's axes moves the place on its lever.
+    Matrix6d place_from_left = Matrix6d::Identity();
+    place_from_left.topRightCorner<3, 3>() = -cross_matrix(placed[k].world_from_stop->translation);
+    placed[k].covariance = place_from_left * covariances[k] * place_from_left.transpose();
     placed[k].covariance.topLeftCorner<3, 3>() += way * way.transpose();
   }
   count_sights(scene, stops, placed);

@@ -21,7 +21,8 @@ enum class StopFate {
 struct PlacedStop {
   StopFate fate = StopFate::lost;
   std::optional<Transform> world_from_stop;
-  /// Of the left perturbation (translation, rotation) of world_from_stop, against the first stop.
+  /// Of (the place, the turn about the world's axes) as docs/conventions.md tells, against the
+  /// first stop.
   Matrix6d covariance = Matrix6d::Zero();
   int sights = 0;  ///< observations of places that hold it
   /// Features that other stops show as well, and that contradict the room: of whoever moves.

@@ -63,12 +63,17 @@ void remove(Scene& scene, Stops& stops, int stop) {
   scene.drop_outliers(tracks_of(scene, stops.pictures_of(stop)));
 }
 
-void disbelieve_steps(Stops& stops, int stop) {
-  if (stop > 0 && stops.world_from_stop(stop - 1)) {
-    stops.disbelieve_step_to(stop);
-  } else if (stop + 1 < stops.count() && stops.world_from_stop(stop + 1)) {
-    stops.disbelieve_step_to(stop + 1);
+/// Steps to and from a stop that its pose and its neighbours' contradict.
+std::vector<int> contradicted_steps(const Stops& stops, int stop) {
+  std::vector<int> contradicted;
+  for (const int to : {stop, stop + 1}) {
+    if (to < 1 || to >= stops.count() || !stops.is_step_believed(to)) continue;
+    const auto &before = stops.world_from_stop(to - 1), &after = stops.world_from_stop(to);
+    if (!before || !after) continue;
+    const double misfit = stops.account().steps[to]->misfit(before->inverse() * *after);
+    if (misfit > step_gate) contradicted.push_back(to);
   }
+  return contradicted;
 }
 
 }  // namespace
@@ -77,10 +82,12 @@ bool try_stop(Scene& scene, Stops& stops, int stop, bool anywhere,
               const ReconstructionConfig& config) {
   const auto found = find_stop(scene, stops, stop, config);
   if (!found || !(anywhere || found->is_where_step_led)) return false;
-  if (!found->is_where_step_led) disbelieve_steps(stops, stop);
   pose_stop(scene, stops, stop, found->world_from_stop);
+  const std::vector<int> contradicted = contradicted_steps(stops, stop);
+  for (const int to : contradicted) stops.disbelieve_step_to(to);
   if (settle(scene, stops, stop, config)) return true;
   remove(scene, stops, stop);
+  for (const int to : contradicted) stops.believe_step_to(to);
   return false;
 }
 

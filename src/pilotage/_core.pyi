@@ -1721,7 +1721,7 @@ class PlacedStop:
     @property
     def covariance(self) -> Annotated[NDArray[numpy.float64], dict(shape=(6, 6), order="F")]:
         """
-        (6, 6) of the left perturbation (translation, rotation), against the first stop.
+        (6, 6) of the place and of the turn about the world's axes, against the first stop.
         """
 
     @property

@@ -88,7 +88,10 @@ def place_walk(walk: RecordedWalk, config: ReconstructionConfig | None = None) -
 
 
 def what_became(stops: list[PlacedStop]) -> list[str]:
-    """Return lines on the stops that are not where the steps led, stretch by stretch."""
+    """Return lines on the stops that are not where the steps led, stretch by stretch.
+
+    None holds a semicolon: those part the lines of a verdict.
+    """
     lines: list[str] = []
     lost: list[int] = []
     for number, stop in enumerate([*stops, None]):
@@ -100,7 +103,7 @@ def what_became(stops: list[PlacedStop]) -> list[str]:
             lost = []
         if stop is not None and stop.fate == StopFate.carried:
             lines.append(
-                f"stop {number}: the robot did not walk there from stop {number - 1}; it was"
+                f"stop {number}: the robot did not walk there from stop {number - 1} but was"
                 " carried, or slipped, and found where it is by what it sees"
             )
     return lines
@@ -110,9 +113,9 @@ def _lost_words(lost: list[int], count: int) -> str:
     which = f"stop {lost[0]}" if len(lost) == 1 else f"stops {lost[0]} to {lost[-1]}"
     if len(lost) == count:
         return (
-            "no stop could be placed: too little is seen twice; stop more often, or look more ways"
+            "no stop could be placed: too little is seen twice (stop more often, or look more ways)"
         )
     return (
-        f"{which}: lost, what is seen there could not be found in the rest; the robot was carried,"
-        " or stops are missing between"
+        f"{which}: lost, what is seen there could not be found in the rest (the robot was carried,"
+        " or stops are missing between)"
     )

@@ -31,7 +31,7 @@ YAW_JOINT = "HeadYaw"
 # How much a walk of two legs errs, and the floor it walks on: metres and radians, then their growth
 # with the way (m) and the turn (rad). A tenth of the way is what the second paper's robot errs; the
 # sides of it are the simulator's (simulation/gait.py).
-PLACE_SIGMA_M, PLACE_GROWTH = 0.01, 0.12
+PLACE_SIGMA_M, PLACE_GROWTH = 0.01, 0.1
 YAW_SIGMA_RAD, YAW_GROWTH_RAD_M, YAW_GROWTH = 0.02, 0.2, 0.1
 HEIGHT_SIGMA_M, TILT_SIGMA_RAD = 0.005, 0.01
 

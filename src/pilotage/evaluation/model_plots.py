@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,23 +30,40 @@ WIDTH, TALLEST = 10.4, 10.0
 # The corners of a picture, and from each to the centre of projection.
 OUTLINE = (0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2)
 MOST_BINS = 12
+# Of a walk: its cameras' pyramids, of a model's, and the most stops that have a number.
+WALK_PYRAMIDS = 0.4
+MOST_NUMBERS = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopPath:
+    """Where a robot stood: (S, 3) places, metres, their numbers, and to which it walked.
+
+    A stop `is_walked_to` from the one before it here: not the first, none it was carried to, none
+    after one that is lost.
+    """
+
+    places: Array
+    numbers: tuple[int, ...]
+    is_walked_to: tuple[bool, ...]
 
 
 def draw_cloud(
-    model: Model, unit: str, *, is_ordered: bool, is_level: bool = False
+    model: Model, unit: str, *, is_ordered: bool, stops: StopPath | None = None
 ) -> tuple[str, int]:
     """Draw points and cameras from above and from the side, equal scale, `unit` at the axes.
 
-    A world that `is_level` has z up already. The second value is the number of points that lie
-    outside the figure.
+    The world of a walk with `stops` has z up already, and the way is drawn from stop to stop. The
+    second value is the number of points that lie outside the figure.
     """
-    level = np.eye(3) if is_level else level_from_world(model.world_from_camera())
-    origin = np.zeros(3) if is_level else model.world_from_camera()[0, :3, 3]
+    level = level_from_world(model.world_from_camera()) if stops is None else np.eye(3)
+    origin = model.world_from_camera()[0, :3, 3] if stops is None else np.zeros(3)
     points = (model.points_in_world - origin) @ level.T
     centres = (model.world_from_camera()[:, :3, 3] - origin) @ level.T
     limits = limits_of(points, centres)
     extent = limits[1] - limits[0]
-    corners = pyramid_corners(model, least_depth=LEAST_PYRAMID * float(extent.max()))
+    least = LEAST_PYRAMID * float(extent.max()) * (1.0 if stops is None else WALK_PYRAMIDS)
+    corners = pyramid_corners(model, least_depth=least)
     corners = (corners - origin) @ level.T
     limits = np.array(
         [np.minimum(limits[0], corners.min((0, 1))), np.maximum(limits[1], corners.max((0, 1)))]
@@ -59,14 +77,16 @@ def draw_cloud(
         shown = np.argsort(nearer, kind="stable")
         view = [0, upward]
         _draw_points(place, points[shown][:, view], model.colors[shown] / 255.0)
-        _draw_cameras(place, corners[:, :, view], is_ordered=is_ordered)
+        _draw_cameras(place, corners[:, :, view], is_ordered=is_ordered and stops is None)
+        if stops is not None:
+            _draw_stops(place, stops.places[:, view], stops, is_numbered=upward == 1)
         place.set(
             title=title, xlim=limits[:, 0], ylim=limits[:, upward], facecolor=GROUND,
             xlabel=f"main direction [{unit}]", ylabel=f"{name} [{unit}]",
         )  # fmt: skip
         place.set_aspect("equal", adjustable="box")
     handles, names = axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper right", ncol=4)
+    figure.legend(handles, names, loc="outside upper right", ncol=5)
     inside = ((points >= limits[0]) & (points <= limits[1])).all(axis=1)
     return svg_of(figure), int(np.count_nonzero(~inside))
 
@@ -115,6 +135,25 @@ def _draw_cameras(axes: Axes, corners: Array, *, is_ordered: bool) -> None:
             *centres[at], marker, ms=5, mfc="white", mec=BLACK, mew=1.3, ls="", label=name,
             zorder=4,
         )  # fmt: skip
+
+
+def _draw_stops(axes: Axes, places: Array, stops: StopPath, *, is_numbered: bool) -> None:
+    """Draw (S, 2) places, the way walked between them, and where the robot was carried."""
+    name = "way walked"
+    for before, to in zip(places[:-1], range(1, len(places)), strict=True):
+        if stops.is_walked_to[to]:
+            axes.plot(*zip(before, places[to], strict=True), color=BLUE, lw=1.6, zorder=4,
+                      label=name)  # fmt: skip
+            name = "_"
+    axes.plot(*places.T, "o", ms=4.5, mfc="white", mec=BLUE, mew=1.3, ls="", label="stops",
+              zorder=5)  # fmt: skip
+    found = [at for at, walked in enumerate(stops.is_walked_to) if at and not walked]
+    if found:
+        axes.plot(*places[found].T, "D", ms=6, mfc="white", mec=BLACK, mew=1.5, ls="",
+                  label="not walked to from the stop before", zorder=5)  # fmt: skip
+    for at in range(0, len(places) if is_numbered else 0, -(-len(places) // MOST_NUMBERS)):
+        axes.annotate(str(stops.numbers[at]), places[at], (5, 4), textcoords="offset points",
+                      fontsize=8, color=BLACK, zorder=6)  # fmt: skip
 
 
 def draw_track_lengths(model: Model) -> str:

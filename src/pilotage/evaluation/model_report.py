@@ -27,7 +27,7 @@ from pilotage.evaluation.page import (
 )
 from pilotage.evaluation.track_pictures import legend, track_figures
 from pilotage.evaluation.verdict import model_words
-from pilotage.evaluation.walk_sections import walk_sections
+from pilotage.evaluation.walk_sections import stop_path, walk_sections
 from pilotage.models import Model, read_colmap_binary
 from pilotage.pose_files import read_text
 from pilotage.recordings.pictures import natural_key
@@ -66,7 +66,7 @@ def _sections(out: Path, summary: Mapping[str, Any], model: Model | None) -> Ite
     else:
         names = [*model.names, *summary["without_pose"]]
         names.sort(key=lambda name: natural_key(Path(name)))
-        yield from _cloud(model, summary)
+        yield from _cloud(model, summary, stop_path(out) if is_walk else None)
         if is_walk:
             yield from walk_sections(out, summary)
         yield from _pictures(model, names, out / WALK_PICTURES if is_walk else source)
@@ -113,17 +113,19 @@ def _numbers(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _cloud(model: Model, summary: Mapping[str, Any]) -> Iterable[str]:
-    is_metric, is_walk = summary["unit"] == "m", "stops" in summary
+def _cloud(
+    model: Model, summary: Mapping[str, Any], stops: model_plots.StopPath | None
+) -> Iterable[str]:
+    is_metric = summary["unit"] == "m"
     unit = "m" if is_metric else "model's unit"
     drawn, outside = model_plots.draw_cloud(
-        model, unit, is_ordered=bool(summary.get("ordered", False)), is_level=is_walk
+        model, unit, is_ordered=bool(summary.get("ordered", False)), stops=stops
     )
     yield "<h2>Points and cameras</h2><div class='figures'>"
     yield figure_card(drawn, "points and cameras from above and from the side", wide=True)
     yield "</div>"
     said = "Up is the mean of what is up in the pictures; 0 is where the first picture was taken."
-    if is_walk:
+    if stops is not None:
         said = "Up is as the robot stood at the first stop; 0 is between its feet there."
     if not is_metric:
         said += (

@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from pilotage.evaluation.model_plots import StopPath
 from pilotage.pose_files import read_text
 from pilotage.results import STOPS
 
@@ -40,25 +44,46 @@ def walk_sections(out: Path, summary: Mapping[str, Any]) -> Iterable[str]:
         yield _truth_table(summary["truth"])
 
 
+def stop_path(out: Path) -> StopPath:
+    """Return where the stops of a walk's folder are that have a pose."""
+    rows = _rows(out)
+    posed = [at for at, row in enumerate(rows) if row["x_m"]]
+    return StopPath(
+        places=np.array([[float(rows[at][f"{axis}_m"]) for axis in "xyz"] for at in posed]),
+        numbers=tuple(int(rows[at]["stop"]) for at in posed),
+        is_walked_to=tuple(at - 1 in posed and rows[at]["fate"] == "placed" for at in posed),
+    )
+
+
+def _rows(out: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(read_text(out / STOPS))))
+
+
 def _stop_table(out: Path) -> str:
-    rows = list(csv.DictReader(io.StringIO(read_text(out / STOPS))))
-    heads = ("stop", "", "x", "y", "turned", "standard error", "seen again", "set aside")
-    return _table(heads, (_stop_cells(row) for row in rows))
+    rows = _rows(out)
+    heads = (
+        *("stop", "", "x [m]", "y [m]", "turned [\N{DEGREE SIGN}]", "standard error [mm]"),
+        *("seen again", "set aside"),
+    )
+    first = next((row["stop"] for row in rows if row["x_m"]), None)
+    return _table(heads, (_stop_cells(row, is_first=row["stop"] == first) for row in rows), text=2)
 
 
-def _stop_cells(row: Mapping[str, str]) -> list[str]:
+def _stop_cells(row: Mapping[str, str], *, is_first: bool) -> list[str]:
     fate = FATE_WORDS[row["fate"]]
     if not row["x_m"]:
         return [row["stop"], fate, "", "", "", "", "", ""]
-    w, z = float(row["qw"]), float(row["qz"])
+    # From -180 to 180, whichever of its two signs the quaternion has.
+    turned_deg = math.degrees(2 * math.atan2(float(row["qz"]), float(row["qw"])))
+    turned_deg = (turned_deg + 180) % 360 - 180
     sigma_m = math.sqrt(max(0.0, sum(float(row[f"cov_{axis}_{axis}"]) for axis in "xy")))
     return [
         row["stop"],
         fate,
-        f"{float(row['x_m']):.3f} m",
-        f"{float(row['y_m']):.3f} m",
-        f"{math.degrees(2 * math.atan2(z, w)):.1f}\N{DEGREE SIGN}",
-        f"{1e3 * sigma_m:.1f} mm",
+        f"{float(row['x_m']):.3f}",
+        f"{float(row['y_m']):.3f}",
+        f"{turned_deg:.1f}",
+        "-" if is_first else f"{1e3 * sigma_m:.1f}",  # the first is where the world begins
         row["sights"],
         row["set_aside"],
     ]
@@ -76,7 +101,8 @@ def _length_table(lengths: Mapping[str, Any]) -> str:
     ]
     taken = [f"{lengths['factor']:.4f}", f"\N{PLUS-MINUS SIGN} {lengths['sigma']:.4f}", ""]
     rows.append(["all together, which lengths were multiplied by", *taken])
-    return _table(("by", "factor", "standard error", "from"), rows)
+    heads = ("by", "factor", "standard error", "pictures, steps, places")
+    return _table(heads, rows, text=1)
 
 
 def _truth_table(truth: Mapping[str, float]) -> str:
@@ -87,12 +113,17 @@ def _truth_table(truth: Mapping[str, float]) -> str:
         ["ATE, rms", f"{1e3 * truth['ate_rmse_m']:.1f} mm"],
         ["estimated size / true size", f"{truth['scale']:.5f}"],
     ]
-    return _table(("", ""), rows)
+    return _table(("", ""), rows, text=1)
 
 
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    first = "".join(f"<th>{escape(head)}</th>" for head in heads)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    return f"<div class='card'><table><thead><tr>{first}</tr></thead>{body}</table></div>"
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]], *, text: int) -> str:
+    """Return a table whose first `text` columns are words, and the others numbers."""
+
+    def line(cells: Iterable[str], tag: str) -> str:
+        kinds = ("" if at < text else " class='number'" for at in itertools.count())
+        each = zip(cells, kinds, strict=False)
+        return "".join(f"<{tag}{kind}>{escape(cell)}</{tag}>" for cell, kind in each)
+
+    body = "".join(f"<tr>{line(row, 'td')}</tr>" for row in rows)
+    head = line(heads, "th")
+    return f"<div class='card'><table><thead><tr>{head}</tr></thead>{body}</table></div>"
