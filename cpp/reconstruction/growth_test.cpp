@@ -87,6 +87,21 @@ BOOST_AUTO_TEST_CASE(a_picture_of_other_things_gets_no_pose) {
   BOOST_TEST(!scene.camera_from_world(7));
 }
 
+BOOST_AUTO_TEST_CASE(any_picture_can_be_the_world) {
+  const SyntheticWalk walk(8, 400, 0.0, 3);
+  Scene scene = grown(walk, walk.tracks(3), {});
+  BOOST_REQUIRE_EQUAL(scene.posed_count(), 8);
+  // A reference to what is about to change.
+  scene.move_world(*scene.camera_from_world(5), 3.0);
+  BOOST_TEST(scene.camera_from_world(5)->translation.norm() < 1e-9);
+  for (int t = 0; t < scene.track_count(); ++t) {
+    if (!scene.point(t).in_world) continue;
+    for (const FeatureRef& f : scene.track(t)) {
+      BOOST_TEST(scene.misfit(f, *scene.point(t).in_world) < 0.01);
+    }
+  }
+}
+
 BOOST_AUTO_TEST_CASE(turns_alone_start_no_model) {
   const SyntheticWalk walk(4, 300, 0.3, 6);
   std::vector<ViewPair> pairs = neighbouring_pairs(walk, 3);

@@ -196,7 +196,7 @@ int Scene::drop_outliers(std::span<const int> tracks) {
   return dropped;
 }
 
-void Scene::move_world(const Transform& new_from_old, double scale) {
+void Scene::move_world(Transform new_from_old, double scale) {
   const Transform old_from_new = new_from_old.inverse();
   for (int i = 0; i < picture_count(); ++i) {
     if (!poses_[i]) continue;

@@ -86,7 +86,7 @@ class Scene {
   int drop_outliers(std::span<const int> tracks);
 
   /// Makes another frame the world, and then lengths `scale` times as large.
-  void move_world(const Transform& new_from_old, double scale);
+  void move_world(Transform new_from_old, double scale);
 
  private:
   bool place_anew(int t);
