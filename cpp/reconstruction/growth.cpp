@@ -9,6 +9,7 @@
 
 #include "estimation/pose_ransac.hpp"
 #include "estimation/resection.hpp"
+#include "reconstruction/own_focal.hpp"
 #include "reconstruction/scene_adjustment.hpp"
 
 namespace pilotage {
@@ -22,6 +23,8 @@ constexpr double ample_parallax = 0.15;
 constexpr int near_pictures = 6;
 /// Of the places a picture shows, this part must agree on its pose.
 constexpr double min_pose_share = 0.25;
+/// Two pictures hardly tell a focal length.
+constexpr int min_focal_pictures = 3;
 
 void clear(Scene& scene) {
   for (int i = 0; i < scene.picture_count(); ++i) scene.set_pose(i, std::nullopt);
@@ -141,6 +144,12 @@ std::optional<Transform> find_pose(const Scene& scene, int picture,
   return sampled.camera_from_points;
 }
 
+/// Of a picture that was just posed in what others show.
+bool asks_for_another_focal(const Scene& scene, int picture) {
+  const std::optional<OwnFocal> own = own_focal(scene, picture);
+  return own && is_strange(own->log_ratio, own->sigma);
+}
+
 /// The pictures that share most places with `picture`, itself first.
 std::vector<int> neighbours(const Scene& scene, int picture) {
   std::vector<int> shared(scene.picture_count(), 0);
@@ -190,16 +199,23 @@ double begin(Scene& scene, const Start& start, const ReconstructionConfig& confi
              : 1e-3 * score * static_cast<double>(matches.features_a.size() > 0);
 }
 
-/// Takes a picture out of the scene.
-void remove(Scene& scene, int picture) {
+}  // namespace
+
+bool contradicts(const Scene& scene, int picture, const ReconstructionConfig& config) {
+  const std::optional<Transform> pose = find_pose(scene, picture, config);
+  if (!pose) return false;
+  Scene with = scene;
+  with.set_pose(picture, pose);
+  return asks_for_another_focal(with, picture);
+}
+
+void remove_picture(Scene& scene, int picture) {
   for (const Scene::Shown& shown : scene.shown_in(picture)) {
     scene.set_used(shown.track, shown.slot, false);
   }
   scene.set_pose(picture, std::nullopt);
   scene.drop_outliers(scene.tracks_in(picture));
 }
-
-}  // namespace
 
 std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
                              const ReconstructionConfig& config) {
@@ -242,8 +258,8 @@ std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
     const std::optional<Transform> pose = find_pose(scene, best, config);
     if (pose) {
       scene.set_pose(best, pose);
-      if (settle(scene, best, config)) return best;
-      remove(scene, best);
+      if (!asks_for_another_focal(scene, best) && settle(scene, best, config)) return best;
+      remove_picture(scene, best);
     }
     was_refused[best] = 1;
   }
@@ -269,7 +285,10 @@ void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds) {
   for (int round = 0; round < rounds; ++round) {
     const std::vector<int> pictures = scene.posed_pictures();
     if (pictures.size() < 2) return;
-    adjust_scene(scene, pictures, config, {.max_iterations = 20, .relative_cost_change = 1e-5});
+    adjust_scene(scene, pictures, config,
+                 {.max_iterations = 20,
+                  .relative_cost_change = 1e-5,
+                  .refines_focal = static_cast<int>(pictures.size()) >= min_focal_pictures});
     const int dropped = scene.drop_outliers(tracks);
     const int placed = scene.place(tracks);
     if (dropped + placed < scene.track_count() / 1000) return;
