@@ -5,8 +5,7 @@
 
 `nao_walk`: a Nao wanders through a canteen, a picture in 2.5 s; beside each the robot's own
 odometry, which drifts and slips, so that it tells plausibility and no accuracy. `nao_marks`: five
-standpoints
-on a football field with the places of a motion capture. Both lie in $PILOTAGE_DATA.
+standpoints on a football field with the places of a motion capture. Both lie in $PILOTAGE_DATA.
 
 The focal length begins at the nominal field of view and is looked for. What is left of a set after
 a model is reconstructed again, until nothing comes. A stretch is a run of consecutive pictures in

@@ -31,12 +31,6 @@ void clear(Scene& scene) {
   for (int t = 0; t < scene.track_count(); ++t) scene.forget_point(t);
 }
 
-/// Two pictures and one of the motions that explain them.
-struct Start {
-  const ViewPair* pair = nullptr;
-  Transform b_from_a;
-};
-
 void pose_pair(Scene& scene, const Start& start, const ReconstructionConfig& config) {
   const ViewPair& pair = *start.pair;
   clear(scene);
@@ -217,8 +211,8 @@ void remove_picture(Scene& scene, int picture) {
   scene.drop_outliers(scene.tracks_in(picture));
 }
 
-std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
-                             const ReconstructionConfig& config) {
+std::vector<Start> rank_starts(Scene& scene, const std::vector<ViewPair>& pairs,
+                               const ReconstructionConfig& config) {
   std::vector<const ViewPair*> order;
   for (const ViewPair& pair : pairs) {
     if (pair.geometry.b_from_a && promise(pair) > 0) order.push_back(&pair);
@@ -226,21 +220,32 @@ std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
   std::stable_sort(order.begin(), order.end(),
                    [](const ViewPair* a, const ViewPair* b) { return promise(*a) > promise(*b); });
   if (order.size() > max_starts) order.resize(max_starts);
-  std::optional<Start> best;
-  double best_score = 0;
+  std::vector<std::pair<double, Start>> scored;
   for (const ViewPair* pair : order) {
     for (const auto& motion : {pair->geometry.b_from_a, pair->geometry.other_b_from_a}) {
       if (!motion) continue;
       const Start start{pair, *motion};
       const double score = begin(scene, start, config);
-      if (score <= best_score) continue;
-      best_score = score;
-      best = start;
+      if (score > 0) scored.emplace_back(score, start);
     }
   }
   clear(scene);
-  if (best) begin(scene, *best, config);
+  std::stable_sort(scored.begin(), scored.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<Start> starts;
+  for (const auto& [score, start] : scored) starts.push_back(start);
+  return starts;
+}
+
+std::vector<int> begin_scene(Scene& scene, const Start& start, const ReconstructionConfig& config) {
+  begin(scene, start, config);
   return scene.posed_pictures();
+}
+
+std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
+                             const ReconstructionConfig& config) {
+  const std::vector<Start> starts = rank_starts(scene, pairs, config);
+  return starts.empty() ? std::vector<int>{} : begin_scene(scene, starts.front(), config);
 }
 
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,

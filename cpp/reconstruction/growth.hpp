@@ -10,6 +10,20 @@
 
 namespace pilotage {
 
+/// Two pictures and one of the motions that explain them.
+struct Start {
+  const ViewPair* pair = nullptr;
+  Transform b_from_a;
+};
+
+/// Ways to begin a model, the best first; none if no pair will do: nothing but turns, or nothing in
+/// common. They point into `pairs`. The scene is empty afterwards.
+std::vector<Start> rank_starts(Scene& scene, const std::vector<ViewPair>& pairs,
+                               const ReconstructionConfig& config);
+
+/// Begins the model anew; returns the pictures posed.
+std::vector<int> begin_scene(Scene& scene, const Start& start, const ReconstructionConfig& config);
+
 /// Poses two pictures from their relative pose, a third from what they place, if that is a good
 /// start.
 ///

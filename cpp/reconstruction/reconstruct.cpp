@@ -23,6 +23,9 @@ constexpr int final_rounds = 4;
 /// Fewer pictures of one camera are no model once others were taken out.
 constexpr int least_pictures = 3;
 constexpr int stranger_rounds = 4;
+/// Starts that are tried while so many pictures contradict the model, of those that are in it.
+constexpr std::size_t max_tries = 8;
+constexpr double many_strangers = 0.125;
 /// All is done again with a better focal length while that changes by more than this part: matches
 /// were checked, and poses begun, with the old one.
 constexpr double settled_focal = 0.01;
@@ -67,14 +70,34 @@ std::vector<int> strangers(const Scene& scene, const ReconstructionConfig& confi
   return found;
 }
 
-/// Step 5 of the recipe.
-void solve(Scene& scene, const std::vector<ViewPair>& pairs, const ReconstructionConfig& config) {
-  const std::vector<int> first = start_scene(scene, pairs, config);
-  if (first.empty()) return;
+/// The model that grows from one start.
+void grow_from(Scene& scene, const Start& start, const ReconstructionConfig& config) {
+  const std::vector<int> first = begin_scene(scene, start, config);
   grow(scene, config);
   if (scene.posed_count() >= 2 * static_cast<int>(first.size())) pose_anew(scene, first, config);
   adjust_all(scene, config, final_rounds);
   take_out_strangers(scene, config);
+}
+
+/// Step 5 of the recipe; returns the pictures that another camera took. Where they are many, it may
+/// be the model that began wrongly: other starts are tried, and the largest model stays.
+std::vector<int> solve(Scene& scene, const std::vector<ViewPair>& pairs,
+                       const ReconstructionConfig& config) {
+  std::vector<Start> starts = rank_starts(scene, pairs, config);
+  if (starts.size() > max_tries) starts.resize(max_tries);
+  const Scene empty = scene;
+  std::vector<int> strange;
+  for (const Start& start : starts) {
+    Scene tried = empty;
+    grow_from(tried, start, config);
+    const std::vector<int> found = strangers(tried, config);
+    if (tried.posed_count() > scene.posed_count()) {
+      scene = std::move(tried);
+      strange = found;
+    }
+    if (static_cast<double>(strange.size()) < many_strangers * scene.posed_count()) break;
+  }
+  return strange;
 }
 
 /// What is known of the focal length when a better one is asked for.
@@ -135,7 +158,7 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
     auto [described, pairs, scene] = observe(set, by_content, sequence, config, team);
     scene.set_focal_prior(known);
     // 5. Poses in one frame, one picture after the other; adjustment.
-    solve(scene, pairs, config);
+    const std::vector<int> strange = solve(scene, pairs, config);
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
     if (scene.posed_count() > 0) {
       const double change = believe_focal(believed, scene);
@@ -143,7 +166,6 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
       refine_features(scene, set, by_content, team);
       adjust_all(scene, config, final_rounds);
     }
-    const std::vector<int> strange = strangers(scene, config);
     set_world(scene, by_content);
     return report(scene, described, pairs, by_content, pictures, strange);
   }
