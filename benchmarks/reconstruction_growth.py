@@ -3,9 +3,9 @@
 
     python benchmarks/reconstruction_growth.py [--counts 62 125 250 500]
 
-A walk down a street, rendered at 320x240 by the renderer of the tests; its first pictures, ever more
-of them, are reconstructed, each time in a process of its own. The exponent is the slope of a line
-through the logarithms: 1 is linear, and n log n comes out as 1.2 between 62 and 500 pictures.
+A walk down a street, rendered at 320x240 by the renderer of the tests; its first pictures, ever
+more of them, are reconstructed, each time in a process of its own. The exponent is the slope of a
+line through the logarithms: 1 is linear, and n log n comes out as 1.2 between 62 and 500 pictures.
 """
 
 from __future__ import annotations
