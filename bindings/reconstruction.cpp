@@ -38,7 +38,9 @@ void bind_fates(nb::module_& m) {
       .value("no_parallax", PictureFate::no_parallax,
              "All it shares with others was seen from one place: a turn is not enough.")
       .value("not_connected", PictureFate::not_connected,
-             "Matched, but too little of it is in the model.");
+             "Matched, but too little of it is in the model.")
+      .value("other_camera", PictureFate::other_camera,
+             "Asks for another focal length than the other pictures.");
 }
 
 void bind_result(nb::module_& m) {
@@ -84,6 +86,10 @@ void bind_result(nb::module_& m) {
           nb::rv_policy::move,
           "(M,) distance of each observation from its point, in the ideal camera.")
       .def_ro("rms_px", &Reconstruction::rms_px, "Of the residuals in x and y.")
+      .def_ro("focal_px", &Reconstruction::focal_px,
+              "Of the first camera; a better one than given if config.focal_sigma > 0.")
+      .def_ro("focal_sigma_px", &Reconstruction::focal_sigma_px,
+              "Its standard error, 0 if it was not looked for.")
       .def_ro("feature_count", &Reconstruction::feature_count)
       .def_ro("pair_count", &Reconstruction::pair_count, "Pairs of pictures with a geometry.")
       .def_ro("track_count", &Reconstruction::track_count);

@@ -183,9 +183,23 @@ def test_times_are_those_of_names_or_places() -> None:
 def reconstructed(model: Model) -> Reconstructed:
     """Return what a reconstruction gives that placed all but one of the pictures."""
     fates = [PictureFate.posed] * len(model.names) + [PictureFate.few_features]
-    result: Any = SimpleNamespace(rms_px=0.3, feature_count=9, pair_count=8, track_count=61)
+    result: Any = SimpleNamespace(
+        rms_px=0.3,
+        feature_count=9,
+        pair_count=8,
+        track_count=61,
+        focal_px=400.0,
+        focal_sigma_px=0.0,
+    )
     names = (*model.names, "9.jpg")
-    return Reconstructed(model=model, names=names, fates=tuple(fates), result=result)
+    return Reconstructed(
+        model=model,
+        names=names,
+        fates=tuple(fates),
+        result=result,
+        given_focal_px=400.0,
+        focal_sigma=0.0,
+    )
 
 
 def test_verb_leaves_a_folder_that_a_report_can_be_drawn_of(

@@ -76,8 +76,9 @@ BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options)
   if (result.residuals == 0 && !problem.prior && problem.links.empty()) return result;
 
   // 2. Until the cost stays: weigh the residuals, linearise, eliminate the points one by one, solve
-  //    for poses and offset, substitute back into the points, keep the step if it helped.
-  BundleState state{problem.world_from_left, problem.points_in_world, problem.right_x_offset_px};
+  //    for poses and the unknown that all share, substitute back into the points, keep the step if
+  //    it helped.
+  BundleState state = BundleState::of(problem);
   result.termination =
       minimize(system, state, options, problem.observations.size(), result.iterations);
 
@@ -85,12 +86,14 @@ BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options)
   problem.world_from_left = state.world_from_left;
   problem.points_in_world = state.points_in_world;
   problem.right_x_offset_px = state.right_x_offset_px;
+  problem.stereo.focal_px = state.focal_px;
   take_statistics(problem, options.loss, result);
-  if (options.with_covariance || problem.right_x_offset_is_free) {
-    double offset_variance = 0;
+  if (options.with_covariance || problem.right_x_offset_is_free || problem.focal_prior) {
+    double shared_variance = 0;
     system.build(state, 0.0, result.iterations + 1);
-    std::vector<Matrix6d> covariances = system.pose_covariances(state, offset_variance);
-    result.right_x_offset_sigma_px = std::sqrt(offset_variance);
+    std::vector<Matrix6d> covariances = system.pose_covariances(state, shared_variance);
+    double& sigma_px = problem.focal_prior ? result.focal_sigma_px : result.right_x_offset_sigma_px;
+    sigma_px = std::sqrt(shared_variance);
     if (options.with_covariance) result.pose_covariances = std::move(covariances);
   }
   return result;
@@ -98,11 +101,10 @@ BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options)
 
 std::vector<Matrix6d> pose_covariances(const BundleProblem& problem, const BundleOptions& options) {
   BundleSystem system(problem, options);
-  const BundleState state{problem.world_from_left, problem.points_in_world,
-                          problem.right_x_offset_px};
+  const BundleState state = BundleState::of(problem);
   system.build(state, 0.0, late_iteration);
-  double offset_variance = 0;
-  return system.pose_covariances(state, offset_variance);
+  double shared_variance = 0;
+  return system.pose_covariances(state, shared_variance);
 }
 
 }  // namespace pilotage

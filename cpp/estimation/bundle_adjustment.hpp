@@ -30,6 +30,12 @@ struct PosePrior {
   Eigen::VectorXd gradient;                ///< (6 n)
 };
 
+/// What is known of a focal length before the pictures are asked.
+struct FocalPrior {
+  double focal_px = 0;
+  double sigma_px = 0;  ///< its standard error, > 0
+};
+
 /// Poses and points to adjust together. Observations are grouped by point (ascending).
 struct BundleProblem {
   RectifiedStereo stereo;
@@ -42,6 +48,9 @@ struct BundleProblem {
   /// Constant error of the right picture in x (adds to the predicted right_x), an unknown if asked.
   double right_x_offset_px = 0;
   bool right_x_offset_is_free = false;
+  /// When given, stereo.focal_px is an unknown as well, and this what was known of it; the offset
+  /// must then be known.
+  std::optional<FocalPrior> focal_prior;
 };
 
 struct BundleOptions {
@@ -77,9 +86,11 @@ struct BundleResult {
   /// were right, a little more for the efficiency that the robust loss gives away.
   double unit_variance = 1;
   double right_x_offset_sigma_px = 0;  ///< standard error, when it was free
+  double focal_sigma_px = 0;           ///< likewise of the focal length
 };
 
-/// Minimises reprojection error over the free poses, the points and the offset, in place.
+/// Minimises reprojection error over the free poses, the points and the offset or focal length, in
+/// place.
 ///
 /// Schur-complement Levenberg-Marquardt (Triggs et al. 2000): points are eliminated one by one, the
 /// reduced camera system is sparse (block profile Cholesky), so cost grows linearly with the length
@@ -91,11 +102,11 @@ BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options)
 /// BundleResult::pose_covariances of a problem whose poses and points are adjusted already.
 std::vector<Matrix6d> pose_covariances(const BundleProblem& problem, const BundleOptions& options);
 
-/// Removes frame 0 and every point it sees from the problem (without links); what they said about the other poses
-/// becomes the new prior (replacing the old one, which is folded in), linearised where the poses
-/// are now, with robust weights of now. Call it on an adjusted problem. If frame 0 was fixed, the
-/// others are then known relative to it. A free offset is eliminated: what was learnt of it is
-/// given up.
+/// Removes frame 0 and every point it sees from the problem (without links); what they said about
+/// the other poses becomes the new prior (replacing the old one, which is folded in), linearised
+/// where the poses are now, with robust weights of now. Call it on an adjusted problem. If frame 0
+/// was fixed, the others are then known relative to it. A free offset is eliminated: what was
+/// learnt of it is given up; the focal length must be known.
 void marginalize_first_frame(BundleProblem& problem, const BundleOptions& options);
 
 }  // namespace pilotage

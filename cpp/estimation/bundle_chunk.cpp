@@ -36,8 +36,8 @@ PILOTAGE_INLINE void eliminate_point(const PointRows& sum, double damping, int c
   const PointFactor factor(sum, damping);
   const PointRows carried = factor.solve(sum);
   for (int k = 0; k < 3; ++k) {
-    work.offset_hessian -= carried.row[k][7] * carried.row[k][7];
-    work.offset_gradient -= carried.row[k][7] * carried.row[k][6];
+    work.shared_hessian -= carried.row[k][7] * carried.row[k][7];
+    work.shared_gradient -= carried.row[k][7] * carried.row[k][6];
   }
   for (int a = 0; a < count; ++a) {
     PointRows& z = work.coupled[a];
@@ -88,7 +88,7 @@ PILOTAGE_INLINE void move_point(const CameraPose& pose, const CameraPose& moved_
 }  // namespace
 
 PILOTAGE_KERNEL void linearize_chunk(const ChunkTask& task, ChunkWorkspace& work) {
-  double cost = 0, offset_hessian = 0, offset_gradient = 0;
+  double cost = 0, shared_hessian = 0, shared_gradient = 0;
   LinearRows* rows = work.rows.data();
   for (int i = 0; i < task.point_count; ++i) {
     const int p = task.points[i];
@@ -105,13 +105,15 @@ PILOTAGE_KERNEL void linearize_chunk(const ChunkTask& task, ChunkWorkspace& work
       task.weights[o] = weight;
       cost += weight * square;
       linearize(r, pose, task.model, weight, *rows);
-      offset_hessian += rows->row[2][7] * rows->row[2][7];
-      offset_gradient += rows->row[2][7] * rows->row[2][6];
+      for (int k = 0; k < 3; ++k) {
+        shared_hessian += rows->row[k][7] * rows->row[k][7];
+        shared_gradient += rows->row[k][7] * rows->row[k][6];
+      }
     }
   }
   work.cost = 0.5 * cost;
-  work.offset_hessian = offset_hessian;
-  work.offset_gradient = offset_gradient;
+  work.shared_hessian = shared_hessian;
+  work.shared_gradient = shared_gradient;
 }
 
 PILOTAGE_KERNEL void accumulate_chunk(const ChunkTask& task, ChunkWorkspace& work) {
@@ -138,7 +140,7 @@ PILOTAGE_KERNEL void accumulate_chunk(const ChunkTask& task, ChunkWorkspace& wor
 }
 
 PILOTAGE_KERNEL void substitute_chunk(const ChunkTask& task, const CameraPose* moved_poses,
-                                      const Vector6d* frame_step, double offset_step,
+                                      const Vector6d* frame_step, double shared_step,
                                       Eigen::Vector3d* moved_points) {
   for (int i = 0; i < task.point_count; ++i) {
     const int p = task.points[i];
@@ -151,7 +153,7 @@ PILOTAGE_KERNEL void substitute_chunk(const ChunkTask& task, const CameraPose* m
       const Residual r = compute_residual(seen, pose, point, task.model);
       if (reference < 0 && r.predictable()) reference = seen.frame;
       equations.add(r, pose, task.model, task.weights[o], frame_step[seen.frame].data(),
-                    offset_step);
+                    shared_step);
     }
     if (reference < 0) continue;
     double step[3];

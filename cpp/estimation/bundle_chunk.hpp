@@ -30,19 +30,19 @@ struct ChunkWorkspace {
   std::vector<int> coupled_pose;
   std::vector<Block6> blocks;  // upper triangle by columns of the chunk's reduced system
   double cost = 0;
-  double offset_hessian = 0, offset_gradient = 0;
+  double shared_hessian = 0, shared_gradient = 0;
 };
 
 /// Weighs and linearises the observations of a chunk into `work.rows`; the sums without points go
-/// to `work.cost` and the two offset members.
+/// to `work.cost` and the two shared members.
 void linearize_chunk(const ChunkTask& task, ChunkWorkspace& work);
 
 /// Adds what these rows say to `work.blocks`, eliminating the points one by one.
 void accumulate_chunk(const ChunkTask& task, ChunkWorkspace& work);
 
-/// Moves the points, given the steps of the frames' poses, (rho, theta), and of the offset.
+/// Moves the points, given the steps of the frames' poses, (rho, theta), and of the shared unknown.
 void substitute_chunk(const ChunkTask& task, const CameraPose* moved_poses,
-                      const Vector6d* frame_step, double offset_step,
+                      const Vector6d* frame_step, double shared_step,
                       Eigen::Vector3d* moved_points);
 
 /// Half the weighted sum of squares, with the weights as they are.

@@ -21,18 +21,24 @@ struct CameraPose {
   }
 };
 
-/// Stereo model with the offset of the right picture at one moment.
+/// The unknown that all observations share.
+enum class SharedUnknown { none, right_x_offset, focal };
+
+/// Stereo model with the focal length and the offset of the right picture at one moment.
 struct StereoModel {
   double focal_px, cx_px, cy_px, cx_right_px, baseline_m;
   double offset_derivative;  ///< 1 when the offset is an unknown, else 0
+  double focal_derivative;   ///< 1 when the focal length is an unknown, else 0
 
-  StereoModel(const RectifiedStereo& stereo, double right_x_offset_px, bool offset_is_free)
-      : focal_px(stereo.focal_px),
+  StereoModel(const RectifiedStereo& stereo, double focal, double right_x_offset_px,
+              SharedUnknown shared)
+      : focal_px(focal),
         cx_px(stereo.cx_px),
         cy_px(stereo.cy_px),
         cx_right_px(stereo.cx_right_px + right_x_offset_px),
         baseline_m(stereo.baseline_m),
-        offset_derivative(offset_is_free ? 1.0 : 0.0) {}
+        offset_derivative(shared == SharedUnknown::right_x_offset ? 1.0 : 0.0),
+        focal_derivative(shared == SharedUnknown::focal ? 1.0 : 0.0) {}
 };
 
 /// Nearer than this (or behind) a camera nothing is predicted.
@@ -85,6 +91,14 @@ PILOTAGE_INLINE Residual compute_residual(const StereoObservation& seen, const C
   return r;
 }
 
+/// Derivative of the residuals for the unknown that all observations share.
+PILOTAGE_INLINE void differentiate_shared(const Residual& r, const StereoModel& model,
+                                          double (&by_shared)[3]) {
+  by_shared[0] = model.focal_derivative * r.ray[0] * r.inverse_left;
+  by_shared[1] = model.focal_derivative * r.ray[1] * r.inverse_left;
+  by_shared[2] = (model.offset_derivative + model.focal_derivative * r.ray_right) * r.inverse_right;
+}
+
 /// Derivative of the weighted residuals for the point, world axes: three rows.
 struct PointJacobian {
   double row[3][3];
@@ -108,8 +122,8 @@ PILOTAGE_INLINE PointJacobian differentiate(const Residual& r, const CameraPose&
 
 /// One linearised observation: three residual rows. Lanes 0 to 5 are the derivative for the pose
 /// (its centre moves by rho, its axes turn by theta, world axes), lane 6 the residual, lane 7 the
-/// derivative for the offset. The derivative for the point is minus lanes 0 to 2: moving the point
-/// and moving the camera back are the same to a camera.
+/// derivative for the shared unknown. The derivative for the point is minus lanes 0 to 2: moving
+/// the point and moving the camera back are the same to a camera.
 struct alignas(64) LinearRows {
   Row8 row[3];
 };
@@ -120,6 +134,8 @@ PILOTAGE_INLINE void linearize(const Residual& r, const CameraPose& pose, const 
   const double root = std::sqrt(weight);
   const PointJacobian jacobian = differentiate(r, pose, model, root);
   const double* w = r.from_center;
+  double by_shared[3];
+  differentiate_shared(r, model, by_shared);
   for (int k = 0; k < 3; ++k) {
     const double* j = jacobian.row[k];
     rows.row[k] = Row8{-j[0],
@@ -129,7 +145,7 @@ PILOTAGE_INLINE void linearize(const Residual& r, const CameraPose& pose, const 
                        j[2] * w[0] - j[0] * w[2],
                        j[0] * w[1] - j[1] * w[0],
                        root * r.value[k],
-                       k == 2 ? root * r.inverse_right * model.offset_derivative : 0.0};
+                       root * by_shared[k]};
   }
 }
 
@@ -144,9 +160,9 @@ PILOTAGE_INLINE Row8 join(const Row8& a, const Row8& b) {
 }
 
 /// Sum over the rows of (lanes 0 to 2) times (the row): what one observation says about its point.
-/// With V, g and h the point's Hessian, gradient and coupling with the offset, and W the coupling
-/// of pose and point, row i is (-W^T_i, ...) in lanes 0 to 5, whose first three are also V_i, then
-/// -g_i and -h_i.
+/// With V, g and h the point's Hessian, gradient and coupling with the shared unknown, and W the
+/// coupling of pose and point, row i is (-W^T_i, ...) in lanes 0 to 5, whose first three are also
+/// V_i, then -g_i and -h_i.
 struct alignas(64) PointRows {
   Row8 row[3] = {};
 };
@@ -199,14 +215,14 @@ struct PointFactor {
 };
 
 /// Left side (lower triangle) and right side of a point's own equations, once the steps of poses
-/// and offset are known.
+/// and shared unknown are known.
 struct PointEquations {
   double v00 = 0, v10 = 0, v11 = 0, v20 = 0, v21 = 0, v22 = 0;
   double right_side[3] = {0, 0, 0};
 
   /// `pose_step` is (rho, theta) of the observing pose.
   PILOTAGE_INLINE void add(const Residual& r, const CameraPose& pose, const StereoModel& model,
-                           double weight, const double* pose_step, double offset_step) {
+                           double weight, const double* pose_step, double shared_step) {
     const double root = std::sqrt(weight);
     const PointJacobian jacobian = differentiate(r, pose, model, root);
     const double* w = r.from_center;
@@ -215,12 +231,12 @@ struct PointEquations {
     const double shift[3] = {rho[0] + theta[1] * w[2] - theta[2] * w[1],
                              rho[1] + theta[2] * w[0] - theta[0] * w[2],
                              rho[2] + theta[0] * w[1] - theta[1] * w[0]};
-    const double by_offset = model.offset_derivative * r.inverse_right * offset_step;
-    const double value[3] = {r.value[0], r.value[1], r.value[2] + by_offset};
+    double by_shared[3];
+    differentiate_shared(r, model, by_shared);
     for (int k = 0; k < 3; ++k) {
       const double* j = jacobian.row[k];
-      const double left_over =
-          root * value[k] - (j[0] * shift[0] + j[1] * shift[1] + j[2] * shift[2]);
+      const double left_over = root * (r.value[k] + by_shared[k] * shared_step) -
+                               (j[0] * shift[0] + j[1] * shift[1] + j[2] * shift[2]);
       v00 += j[0] * j[0];
       v10 += j[1] * j[0];
       v11 += j[1] * j[1];

@@ -99,6 +99,14 @@ void check(const BundleProblem& problem) {
     return "pose_is_fixed has " + std::to_string(problem.pose_is_fixed.size()) + " entries for " +
            std::to_string(frames) + " poses";
   });
+  if (const auto& known = problem.focal_prior) {
+    require(!problem.right_x_offset_is_free,
+            [] { return "one of focal length and right_x_offset_px must be known"; });
+    require(known->focal_px > 0 && known->sigma_px > 0, [&] {
+      return "focal_prior must be > 0 px in both, got " + text(known->focal_px) + " and " +
+             text(known->sigma_px);
+    });
+  }
   check_values(problem);
   check_observations(problem);
   check_links(problem);

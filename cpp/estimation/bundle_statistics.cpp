@@ -51,7 +51,7 @@ double median(std::vector<float>& values) {
   return *middle;
 }
 
-/// Unknowns that the observations determine: free poses, seen points, the offset.
+/// Unknowns that the observations determine: free poses, seen points, the one that all share.
 int count_unknowns(const BundleProblem& problem) {
   const auto fixed = std::count(problem.pose_is_fixed.begin(), problem.pose_is_fixed.end(), 0);
   int seen_points = 0, previous = -1;
@@ -59,7 +59,8 @@ int count_unknowns(const BundleProblem& problem) {
     seen_points += seen.point != previous;
     previous = seen.point;
   }
-  return 6 * static_cast<int>(fixed) + 3 * seen_points + (problem.right_x_offset_is_free ? 1 : 0);
+  const bool shares_one = problem.right_x_offset_is_free || problem.focal_prior;
+  return 6 * static_cast<int>(fixed) + 3 * seen_points + (shares_one ? 1 : 0);
 }
 
 double sigma_from(std::vector<float>& components, int unknowns) {
@@ -98,6 +99,12 @@ class UnitVariance {
 
 }  // namespace
 
+double focal_cost(const std::optional<FocalPrior>& known, double focal_px) {
+  if (!known) return 0;
+  const double errors = (focal_px - known->focal_px) / known->sigma_px;
+  return 0.5 * errors * errors;
+}
+
 double robust_cost(RobustLoss loss, double normalised) {
   static const std::array<RobustCostTable, 6> tables{
       RobustCostTable(RobustLoss::none),  RobustCostTable(RobustLoss::danish),
@@ -110,7 +117,8 @@ BundleStatistics compute_statistics(const BundleProblem& problem, RobustLoss los
   BundleStatistics statistics;
   const std::vector<CameraPose> poses(problem.world_from_left.begin(),
                                       problem.world_from_left.end());
-  const StereoModel model(problem.stereo, problem.right_x_offset_px, false);
+  const StereoModel model(problem.stereo, problem.stereo.focal_px, problem.right_x_offset_px,
+                          SharedUnknown::none);
   UnitVariance unit_variance;
   std::vector<float> components;
   components.reserve(3 * problem.observations.size());
@@ -133,6 +141,7 @@ BundleStatistics compute_statistics(const BundleProblem& problem, RobustLoss los
   statistics.unit_variance = unit_variance.value(unknowns);
   if (problem.prior) statistics.cost += PriorTerm(*problem.prior).cost(problem.world_from_left);
   statistics.cost += link_cost(problem.links, problem.world_from_left);
+  statistics.cost += focal_cost(problem.focal_prior, problem.stereo.focal_px);
   return statistics;
 }
 

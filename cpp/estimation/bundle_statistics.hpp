@@ -9,6 +9,9 @@ namespace pilotage {
 /// weight(x) x dx from 0 to v. Danish weights are those after the third iteration.
 double robust_cost(RobustLoss loss, double normalised);
 
+/// What a focal length costs that differs from what was known of it.
+double focal_cost(const std::optional<FocalPrior>& known, double focal_px);
+
 /// How the observations of a problem fit its poses and points as they are.
 struct BundleStatistics {
   double cost = 0;    ///< robust, half sum of squares, prior and links included

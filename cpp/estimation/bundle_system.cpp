@@ -5,16 +5,29 @@
 #include <atomic>
 #include <numeric>
 
+#include "estimation/bundle_statistics.hpp"
+
 namespace pilotage {
 namespace {
 
 /// Of so few poses covariances come by recursion.
 constexpr int short_path = 20;
+/// A step of the focal length leaves at least this part of it.
+constexpr double least_focal_part = 0.5;
+
+SharedUnknown shared_of(const BundleProblem& problem) {
+  if (problem.focal_prior) return SharedUnknown::focal;
+  return problem.right_x_offset_is_free ? SharedUnknown::right_x_offset : SharedUnknown::none;
+}
 
 }  // namespace
 
 BundleSystem::BundleSystem(const BundleProblem& problem, const BundleOptions& options)
-    : problem_(problem), loss_(options.loss), layout_(problem), team_(options.threads) {
+    : problem_(problem),
+      loss_(options.loss),
+      shared_(shared_of(problem)),
+      layout_(problem),
+      team_(options.threads) {
   if (problem.prior) prior_.emplace(*problem.prior);
   weights_.resize(problem.observations.size());
   reduced_.set_structure(layout_.first_row);
@@ -49,7 +62,7 @@ ChunkTask BundleSystem::task(const PointChunk& chunk, const BundleState& state, 
           poses_.data(),
           state.points_in_world.data(),
           weights_.data(),
-          StereoModel(problem_.stereo, state.right_x_offset_px, problem_.right_x_offset_is_free),
+          StereoModel(problem_.stereo, state.focal_px, state.right_x_offset_px, shared_),
           loss_,
           iteration_,
           damping};
@@ -84,8 +97,8 @@ void BundleSystem::commit(const PointChunk& chunk, const ChunkWorkspace& work) {
     }
   }
   cost_ += work.cost;
-  offset_hessian_ += work.offset_hessian;
-  offset_gradient_ += work.offset_gradient;
+  shared_hessian_ += work.shared_hessian;
+  shared_gradient_ += work.shared_gradient;
 }
 
 void BundleSystem::add_prior(const BundleState& state) {
@@ -132,11 +145,20 @@ void BundleSystem::add_links(const BundleState& state) {
   cost_ += link_cost(problem_.links, state.world_from_left);
 }
 
+void BundleSystem::add_focal_prior(const BundleState& state) {
+  if (!problem_.focal_prior) return;
+  const FocalPrior& known = *problem_.focal_prior;
+  const double information = 1 / (known.sigma_px * known.sigma_px);
+  shared_hessian_ += information;
+  shared_gradient_ += information * (state.focal_px - known.focal_px);
+  cost_ += focal_cost(problem_.focal_prior, state.focal_px);
+}
+
 void BundleSystem::damp_poses(double damping) {
   for (int i = 0; i < reduced_.size(); ++i) {
     for (int k = 0; k < 6; ++k) reduced_.at(i, i).row[k][k] *= 1.0 + damping;
   }
-  offset_hessian_ *= 1.0 + damping;
+  shared_hessian_ *= 1.0 + damping;
 }
 
 double BundleSystem::build(const BundleState& state, double damping, int iteration) {
@@ -145,7 +167,7 @@ double BundleSystem::build(const BundleState& state, double damping, int iterati
   reduced_.set_zero();
   std::fill(gradient_.begin(), gradient_.end(), Vector8{});
   std::fill(border_.begin(), border_.end(), Vector8{});
-  cost_ = offset_hessian_ = offset_gradient_ = 0;
+  cost_ = shared_hessian_ = shared_gradient_ = 0;
   std::atomic<int> committed{0};
   team_.run(static_cast<int>(layout_.chunks.size()), [&](int c, int worker) {
     reduce_chunk(layout_.chunks[c], task(layout_.chunks[c], state, damping), work_[worker]);
@@ -157,6 +179,7 @@ double BundleSystem::build(const BundleState& state, double damping, int iterati
   });
   if (prior_) add_prior(state);
   add_links(state);
+  add_focal_prior(state);
   damp_poses(damping);
   return cost_;
 }
@@ -166,25 +189,28 @@ void BundleSystem::solve() {
   step_ = gradient_;
   for (Vector8& v : step_) v.lanes = -v.lanes;
   reduced_.solve(step_);
-  offset_step_ = 0;
-  if (!problem_.right_x_offset_is_free) return;
+  shared_step_ = 0;
+  if (shared_ == SharedUnknown::none) return;
   // Arrow: S x + b o = -g and b^T x + h o = -g_o, by x = x_g - o x_b.
   std::vector<Vector8> by_border = border_;
   reduced_.solve(by_border);
-  double information = offset_hessian_, right_side = -offset_gradient_;
+  double information = shared_hessian_, right_side = -shared_gradient_;
   for (std::size_t i = 0; i < step_.size(); ++i) {
     information -= dot6(border_[i].lanes, by_border[i].lanes);
     right_side -= dot6(border_[i].lanes, step_[i].lanes);
   }
-  if (information > 1e-12 * offset_hessian_) offset_step_ = right_side / information;
+  if (information > 1e-12 * shared_hessian_) shared_step_ = right_side / information;
   for (std::size_t i = 0; i < step_.size(); ++i) {
-    step_[i].lanes -= offset_step_ * by_border[i].lanes;
+    step_[i].lanes -= shared_step_ * by_border[i].lanes;
   }
 }
 
 void BundleSystem::apply_step(const BundleState& state, double damping, BundleState& moved) {
   moved = state;
-  moved.right_x_offset_px += offset_step_;
+  if (shared_ == SharedUnknown::right_x_offset) moved.right_x_offset_px += shared_step_;
+  if (shared_ == SharedUnknown::focal) {
+    moved.focal_px = std::max(state.focal_px + shared_step_, least_focal_part * state.focal_px);
+  }
   frame_step_.assign(state.world_from_left.size(), Vector6d::Zero());
   for (std::size_t i = 0; i < step_.size(); ++i) {
     const int frame = layout_.free_frames[i];
@@ -196,7 +222,7 @@ void BundleSystem::apply_step(const BundleState& state, double damping, BundleSt
   take_poses(moved, moved_poses_);
   team_.run(static_cast<int>(layout_.chunks.size()), [&](int c, int) {
     substitute_chunk(task(layout_.chunks[c], state, damping), moved_poses_.data(),
-                     frame_step_.data(), offset_step_, moved.points_in_world.data());
+                     frame_step_.data(), shared_step_, moved.points_in_world.data());
   });
 }
 
@@ -205,22 +231,23 @@ double BundleSystem::weighted_cost(const BundleState& state) {
   team_.run(static_cast<int>(layout_.chunks.size()),
             [&](int c, int) { chunk_cost_[c] = cost_of_chunk(task(layout_.chunks[c], state, 0)); });
   const double known_cost = link_cost(problem_.links, state.world_from_left) +
-                            (prior_ ? prior_->cost(state.world_from_left) : 0.0);
+                            (prior_ ? prior_->cost(state.world_from_left) : 0.0) +
+                            focal_cost(problem_.focal_prior, state.focal_px);
   return std::accumulate(chunk_cost_.begin(), chunk_cost_.end(), known_cost);
 }
 
 std::vector<Matrix6d> BundleSystem::pose_covariances(const BundleState& state,
-                                                     double& offset_variance) {
+                                                     double& shared_variance) {
   reduced_.factorize(WeakPivot::wide);
   std::vector<Vector8> by_border = border_;
-  offset_variance = 0;
-  if (problem_.right_x_offset_is_free) {
+  shared_variance = 0;
+  if (shared_ != SharedUnknown::none) {
     reduced_.solve(by_border);
-    double information = offset_hessian_;
+    double information = shared_hessian_;
     for (std::size_t i = 0; i < border_.size(); ++i) {
       information -= dot6(border_[i].lanes, by_border[i].lanes);
     }
-    offset_variance = 1.0 / std::max(information, kWideInformation);
+    shared_variance = 1.0 / std::max(information, kWideInformation);
   }
   const std::vector<Matrix6d> free = reduced_.size() > short_path
                                          ? reduced_.solved_inverse_diagonal()
@@ -232,14 +259,14 @@ std::vector<Matrix6d> BundleSystem::pose_covariances(const BundleState& state,
     const int frame = layout_.free_frames[i];
     const Matrix6d left = left_from_center_perturbation(state.world_from_left[frame].translation,
                                                         Eigen::Vector3d::Zero());
-    covariances[frame] = left * (free[i] + offset_variance * v * v.transpose()) * left.transpose();
+    covariances[frame] = left * (free[i] + shared_variance * v * v.transpose()) * left.transpose();
   }
   return covariances;
 }
 
 void BundleSystem::take_dense(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) const {
   const int poses = reduced_.size();
-  const int size = 6 * poses + (problem_.right_x_offset_is_free ? 1 : 0);
+  const int size = 6 * poses + (shared_ != SharedUnknown::none ? 1 : 0);
   hessian.setZero(size, size);
   gradient.setZero(size);
   for (int c = 0; c < poses; ++c) {
@@ -256,8 +283,8 @@ void BundleSystem::take_dense(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradien
     }
   }
   if (size == 6 * poses) return;
-  hessian(size - 1, size - 1) = offset_hessian_;
-  gradient[size - 1] = offset_gradient_;
+  hessian(size - 1, size - 1) = shared_hessian_;
+  gradient[size - 1] = shared_gradient_;
 }
 
 }  // namespace pilotage

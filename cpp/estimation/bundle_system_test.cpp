@@ -24,8 +24,7 @@ std::vector<Matrix6d> dense_covariances(const BundleProblem& problem, RobustLoss
   BundleOptions options;
   options.loss = loss;
   BundleSystem system(problem, options);
-  system.build({problem.world_from_left, problem.points_in_world, problem.right_x_offset_px}, 0,
-               50);
+  system.build(BundleState::of(problem), 0, 50);
   Eigen::MatrixXd hessian;
   Eigen::VectorXd gradient;
   system.take_dense(hessian, gradient);
@@ -52,8 +51,8 @@ double slope(const ResidualAt& residual_at, const Eigen::Matrix<double, 10, 1>& 
 
 BOOST_AUTO_TEST_SUITE(bundle_system)
 
-BOOST_AUTO_TEST_CASE(jacobians_equal_differences) {
-  using Vector10d = Eigen::Matrix<double, 10, 1>;  // pose, point, offset
+void check_jacobians(SharedUnknown shared) {
+  using Vector10d = Eigen::Matrix<double, 10, 1>;  // pose, point, what is shared
   const RectifiedStereo stereo{1241, 376, 718.9, 607.2, 185.2, 601.0, 0.5372};
   const Transform world_from_left{rotation_exp({0.2, -0.4, 0.1}), {3, -2, 5}};
   const Eigen::Vector3d point = world_from_left * Eigen::Vector3d(1.3, -0.7, 6.0);
@@ -62,12 +61,15 @@ BOOST_AUTO_TEST_CASE(jacobians_equal_differences) {
     const Transform moved{rotation_exp(step.segment<3>(3)) * world_from_left.rotation,
                           world_from_left.translation + step.head<3>()};
     const Eigen::Vector3d moved_point = point + step.segment<3>(6);
-    return compute_residual(seen, CameraPose(moved), moved_point.data(),
-                            StereoModel(stereo, 0.3 + step[9], true));
+    const bool is_focal = shared == SharedUnknown::focal;
+    const StereoModel model(stereo, stereo.focal_px + (is_focal ? step[9] : 0),
+                            0.3 + (is_focal ? 0 : step[9]), shared);
+    return compute_residual(seen, CameraPose(moved), moved_point.data(), model);
   };
   const CameraPose pose(world_from_left);
   LinearRows rows{};
-  linearize(residual_at(Vector10d::Zero()), pose, StereoModel(stereo, 0.3, true), 1.0, rows);
+  linearize(residual_at(Vector10d::Zero()), pose, StereoModel(stereo, stereo.focal_px, 0.3, shared),
+            1.0, rows);
   for (int k = 0; k < 3; ++k) {
     for (int i = 0; i < 6; ++i) {
       BOOST_TEST(std::abs(rows.row[k][i] - slope(residual_at, Vector10d::Unit(i), k)) < 1e-4);
@@ -78,6 +80,11 @@ BOOST_AUTO_TEST_CASE(jacobians_equal_differences) {
     BOOST_TEST(rows.row[k][6] == residual_at(Vector10d::Zero()).value[k]);
     BOOST_TEST(std::abs(rows.row[k][7] - slope(residual_at, Vector10d::Unit(9), k)) < 1e-4);
   }
+}
+
+BOOST_AUTO_TEST_CASE(jacobians_equal_differences) {
+  check_jacobians(SharedUnknown::right_x_offset);
+  check_jacobians(SharedUnknown::focal);
 }
 
 BOOST_AUTO_TEST_CASE(covariances_equal_the_dense_inverse) {
@@ -121,6 +128,38 @@ BOOST_AUTO_TEST_CASE(offset_of_the_right_picture_is_found_with_its_uncertainty) 
   // Chi-square with 10 degrees of freedom, 99 %.
   BOOST_TEST(normalised_square > 2.16);
   BOOST_TEST(normalised_square < 25.2);
+}
+
+BOOST_AUTO_TEST_CASE(focal_length_is_found_with_its_uncertainty) {
+  double normalised_square = 0;
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    SceneSettings settings;
+    settings.frames = 15;
+    settings.noise_px = 0.3;
+    settings.disturbance = 0.01;
+    settings.seed = seed;
+    Scene scene = make_scene(settings);
+    const double focal_px = scene.problem.stereo.focal_px;
+    scene.problem.stereo.focal_px *= 1.02;
+    scene.problem.focal_prior = FocalPrior{scene.problem.stereo.focal_px, 0.2 * focal_px};
+    const BundleResult result = adjust_bundle(scene.problem, precise(RobustLoss::huber));
+    const double error = scene.problem.stereo.focal_px - focal_px;
+    BOOST_TEST(std::abs(error) < 0.005 * focal_px);
+    normalised_square += std::pow(error / result.focal_sigma_px, 2);
+  }
+  // Chi-square with 10 degrees of freedom, 99 %.
+  BOOST_TEST(normalised_square > 2.16);
+  BOOST_TEST(normalised_square < 25.2);
+}
+
+BOOST_AUTO_TEST_CASE(a_focal_length_that_nothing_tells_stays_what_it_was_known_to_be) {
+  Scene scene = make_scene({});
+  scene.problem.observations.resize(1);  // one ray fits any
+  scene.problem.focal_prior = FocalPrior{700, 70};
+  scene.problem.stereo.focal_px = 640;
+  const BundleResult result = adjust_bundle(scene.problem, precise(RobustLoss::none));
+  BOOST_TEST(std::abs(scene.problem.stereo.focal_px - 700) < 1);
+  BOOST_TEST(std::abs(result.focal_sigma_px - 70) < 1);
 }
 
 BOOST_AUTO_TEST_CASE(covariance_agrees_with_the_scatter) {

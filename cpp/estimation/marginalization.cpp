@@ -140,8 +140,7 @@ void marginalize_first_frame(BundleProblem& problem, const BundleOptions& option
   const std::vector<char> seen = seen_by_first_frame(problem);
   const BundleProblem part = problem_of_first_frame(problem, seen);
   BundleSystem system(part, options);
-  system.build({part.world_from_left, part.points_in_world, part.right_x_offset_px}, 0.0,
-               kLateIteration);
+  system.build(BundleState::of(part), 0.0, kLateIteration);
   Eigen::MatrixXd hessian;
   Eigen::VectorXd gradient;
   system.take_dense(hessian, gradient);

@@ -18,6 +18,7 @@ struct ReconstructionConfig {
   int sequence_neighbours = 3;
   double max_ratio = 0.8;
   double feature_sigma_px = 0.5;
+  double focal_sigma = 0;
   int min_pair_inliers = 20;
   int motions = 1;
   int min_track_length = 3;
@@ -47,6 +48,9 @@ struct ReconstructionConfig {
             "descriptors of a match: distance over that of the second best, at most");
     visitor("feature_sigma_px", config.feature_sigma_px, 0.01, 10.0,
             "standard error of a feature's coordinates at the finest scale");
+    visitor("focal_sigma", config.focal_sigma, 0.0, 0.5,
+            "relative standard error of the focal length given; 0: it is right, more: a better one"
+            " is looked for");
     visitor("min_pair_inliers", config.min_pair_inliers, 8, 1000,
             "matches that must agree on the geometry of two pictures");
     visitor("motions", config.motions, 1, 4,

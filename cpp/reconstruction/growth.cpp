@@ -9,6 +9,7 @@
 
 #include "estimation/pose_ransac.hpp"
 #include "estimation/resection.hpp"
+#include "reconstruction/own_focal.hpp"
 #include "reconstruction/scene_adjustment.hpp"
 
 namespace pilotage {
@@ -22,17 +23,13 @@ constexpr double ample_parallax = 0.15;
 constexpr int near_pictures = 6;
 /// Of the places a picture shows, this part must agree on its pose.
 constexpr double min_pose_share = 0.25;
+/// Two pictures hardly tell a focal length.
+constexpr int min_focal_pictures = 3;
 
 void clear(Scene& scene) {
   for (int i = 0; i < scene.picture_count(); ++i) scene.set_pose(i, std::nullopt);
   for (int t = 0; t < scene.track_count(); ++t) scene.forget_point(t);
 }
-
-/// Two pictures and one of the motions that explain them.
-struct Start {
-  const ViewPair* pair = nullptr;
-  Transform b_from_a;
-};
 
 void pose_pair(Scene& scene, const Start& start, const ReconstructionConfig& config) {
   const ViewPair& pair = *start.pair;
@@ -141,6 +138,12 @@ std::optional<Transform> find_pose(const Scene& scene, int picture,
   return sampled.camera_from_points;
 }
 
+/// Of a picture that was just posed in what others show.
+bool asks_for_another_focal(const Scene& scene, int picture) {
+  const std::optional<OwnFocal> own = own_focal(scene, picture);
+  return own && is_strange(own->log_ratio, own->sigma);
+}
+
 /// The pictures that share most places with `picture`, itself first.
 std::vector<int> neighbours(const Scene& scene, int picture) {
   std::vector<int> shared(scene.picture_count(), 0);
@@ -190,8 +193,17 @@ double begin(Scene& scene, const Start& start, const ReconstructionConfig& confi
              : 1e-3 * score * static_cast<double>(matches.features_a.size() > 0);
 }
 
-/// Takes a picture out of the scene.
-void remove(Scene& scene, int picture) {
+}  // namespace
+
+bool contradicts(const Scene& scene, int picture, const ReconstructionConfig& config) {
+  const std::optional<Transform> pose = find_pose(scene, picture, config);
+  if (!pose) return false;
+  Scene with = scene;
+  with.set_pose(picture, pose);
+  return asks_for_another_focal(with, picture);
+}
+
+void remove_picture(Scene& scene, int picture) {
   for (const Scene::Shown& shown : scene.shown_in(picture)) {
     scene.set_used(shown.track, shown.slot, false);
   }
@@ -199,10 +211,8 @@ void remove(Scene& scene, int picture) {
   scene.drop_outliers(scene.tracks_in(picture));
 }
 
-}  // namespace
-
-std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
-                             const ReconstructionConfig& config) {
+std::vector<Start> rank_starts(Scene& scene, const std::vector<ViewPair>& pairs,
+                               const ReconstructionConfig& config) {
   std::vector<const ViewPair*> order;
   for (const ViewPair& pair : pairs) {
     if (pair.geometry.b_from_a && promise(pair) > 0) order.push_back(&pair);
@@ -210,21 +220,32 @@ std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
   std::stable_sort(order.begin(), order.end(),
                    [](const ViewPair* a, const ViewPair* b) { return promise(*a) > promise(*b); });
   if (order.size() > max_starts) order.resize(max_starts);
-  std::optional<Start> best;
-  double best_score = 0;
+  std::vector<std::pair<double, Start>> scored;
   for (const ViewPair* pair : order) {
     for (const auto& motion : {pair->geometry.b_from_a, pair->geometry.other_b_from_a}) {
       if (!motion) continue;
       const Start start{pair, *motion};
       const double score = begin(scene, start, config);
-      if (score <= best_score) continue;
-      best_score = score;
-      best = start;
+      if (score > 0) scored.emplace_back(score, start);
     }
   }
   clear(scene);
-  if (best) begin(scene, *best, config);
+  std::stable_sort(scored.begin(), scored.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<Start> starts;
+  for (const auto& [score, start] : scored) starts.push_back(start);
+  return starts;
+}
+
+std::vector<int> begin_scene(Scene& scene, const Start& start, const ReconstructionConfig& config) {
+  begin(scene, start, config);
   return scene.posed_pictures();
+}
+
+std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
+                             const ReconstructionConfig& config) {
+  const std::vector<Start> starts = rank_starts(scene, pairs, config);
+  return starts.empty() ? std::vector<int>{} : begin_scene(scene, starts.front(), config);
 }
 
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
@@ -242,8 +263,8 @@ std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
     const std::optional<Transform> pose = find_pose(scene, best, config);
     if (pose) {
       scene.set_pose(best, pose);
-      if (settle(scene, best, config)) return best;
-      remove(scene, best);
+      if (!asks_for_another_focal(scene, best) && settle(scene, best, config)) return best;
+      remove_picture(scene, best);
     }
     was_refused[best] = 1;
   }
@@ -269,7 +290,10 @@ void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds) {
   for (int round = 0; round < rounds; ++round) {
     const std::vector<int> pictures = scene.posed_pictures();
     if (pictures.size() < 2) return;
-    adjust_scene(scene, pictures, config, {.max_iterations = 20, .relative_cost_change = 1e-5});
+    adjust_scene(scene, pictures, config,
+                 {.max_iterations = 20,
+                  .relative_cost_change = 1e-5,
+                  .refines_focal = static_cast<int>(pictures.size()) >= min_focal_pictures});
     const int dropped = scene.drop_outliers(tracks);
     const int placed = scene.place(tracks);
     if (dropped + placed < scene.track_count() / 1000) return;

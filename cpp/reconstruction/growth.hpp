@@ -10,6 +10,20 @@
 
 namespace pilotage {
 
+/// Two pictures and one of the motions that explain them.
+struct Start {
+  const ViewPair* pair = nullptr;
+  Transform b_from_a;
+};
+
+/// Ways to begin a model, the best first; none if no pair will do: nothing but turns, or nothing in
+/// common. They point into `pairs`. The scene is empty afterwards.
+std::vector<Start> rank_starts(Scene& scene, const std::vector<ViewPair>& pairs,
+                               const ReconstructionConfig& config);
+
+/// Begins the model anew; returns the pictures posed.
+std::vector<int> begin_scene(Scene& scene, const Start& start, const ReconstructionConfig& config);
+
 /// Poses two pictures from their relative pose, a third from what they place, if that is a good
 /// start.
 ///
@@ -20,7 +34,8 @@ std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
                              const ReconstructionConfig& config);
 
 /// Poses the picture that shows most places, spread best, and places what it adds; adjusts what is
-/// near it. Returns the picture; empty when no other can be posed.
+/// near it. None that asks for another focal length: later, when it has bent the model to its own,
+/// nobody could tell. Returns the picture; empty when no other can be posed.
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
                                const ReconstructionConfig& config);
 
@@ -29,8 +44,15 @@ std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
 /// it was if fewer can be posed.
 void pose_anew(Scene& scene, std::span<const int> pictures, const ReconstructionConfig& config);
 
-/// Adjusts everything, takes out what does not fit and places what can be placed now, until little
-/// changes. Ends sooner with fewer `rounds`.
+/// Tells whether a picture without a pose could have one in the model, but for another focal length
+/// than the scene's.
+bool contradicts(const Scene& scene, int picture, const ReconstructionConfig& config);
+
+/// Takes a picture out of the model, with the places that it leaves without support.
+void remove_picture(Scene& scene, int picture);
+
+/// Adjusts everything, with the focal length where that is asked for, takes out what does not fit
+/// and places what can be placed now, until little changes. Ends sooner with fewer `rounds`.
 void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds);
 
 }  // namespace pilotage

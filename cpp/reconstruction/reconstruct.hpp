@@ -19,6 +19,7 @@ enum class PictureFate {
   no_matches,     ///< shows nothing that another picture shows
   no_parallax,    ///< everything it shows was seen from one place only
   not_connected,  ///< matched, but too little of it is in the model
+  other_camera,   ///< what it shows asks for another focal length than the other pictures
 };
 
 /// One observation of a point in a picture.
@@ -42,6 +43,8 @@ struct Reconstruction {
   std::vector<std::uint8_t> greys;
   std::vector<PointView> views;  ///< by point
   double rms_px = 0;             ///< of the residuals' x and y
+  double focal_px = 0;           ///< of the first camera, a better one if that was asked for
+  double focal_sigma_px = 0;     ///< its standard error; 0 if it was not looked for
   int feature_count = 0, pair_count = 0, track_count = 0;
 };
 
@@ -51,6 +54,9 @@ struct Reconstruction {
 /// `is_ordered`: the pictures follow each other as given. The same pictures in another order give
 /// the same model, but for the world's name. Throws std::invalid_argument for contradictory input;
 /// what cannot be solved is said in `fates`.
+///
+/// With `config.focal_sigma` a better focal length is looked for; there must then be one camera,
+/// with square pixels and without a lens.
 Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const Camera> cameras,
                            std::span<const int> camera_of_picture, bool is_ordered,
                            const ReconstructionConfig& config);

@@ -58,7 +58,7 @@ void report_points(const Scene& scene, std::span<const int> order,
 
 Reconstruction report(const Scene& scene, std::span<const DescribedPicture> described,
                       const std::vector<ViewPair>& pairs, std::span<const int> order,
-                      std::span<const ImageView> pictures) {
+                      std::span<const ImageView> pictures, std::span<const int> strange) {
   Reconstruction result;
   const std::size_t count = pictures.size();
   result.camera_from_world.resize(count);
@@ -71,6 +71,11 @@ Reconstruction report(const Scene& scene, std::span<const DescribedPicture> desc
     result.fates[order[k]] = scene.camera_from_world(k) ? PictureFate::posed : unposed;
     result.feature_count += static_cast<int>(described[k].rays.size());
   }
+  for (const int k : strange) {
+    result.fates[order[k]] = result.fates_if_unposed[order[k]] = PictureFate::other_camera;
+  }
+  result.focal_px = scene.ideal_camera().focal_px;
+  result.focal_sigma_px = scene.focal_sigma_px();
   result.pair_count = static_cast<int>(pairs.size());
   result.track_count = scene.track_count();
   report_points(scene, order, pictures, result);

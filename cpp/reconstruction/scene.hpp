@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "estimation/bundle_adjustment.hpp"
 #include "geometry/camera.hpp"
 #include "reconstruction/config.hpp"
 #include "reconstruction/tracks.hpp"
@@ -50,6 +51,9 @@ class Scene {
   std::vector<int> all_tracks() const;
   const std::optional<Transform>& camera_from_world(int picture) const { return poses_[picture]; }
   const RectifiedStereo& ideal_camera() const { return ideal_; }
+  /// What was known of the ideal camera's focal length; empty when nobody asks for a better one.
+  const std::optional<FocalPrior>& focal_prior() const { return focal_prior_; }
+  double focal_sigma_px() const { return focal_sigma_px_; }  ///< 0 until it is adjusted
   int posed_count() const;
   std::vector<int> posed_pictures() const;
 
@@ -57,6 +61,12 @@ class Scene {
   void set_point(int t, const Eigen::Vector3d& in_world) { points_[t].in_world = in_world; }
   void set_used(int t, int slot, bool is_used) { points_[t].is_used[slot] = is_used; }
   void forget_point(int t);
+  void set_focal_prior(const std::optional<FocalPrior>& known) { focal_prior_ = known; }
+  /// Pixels stay where they are: their rays open or close.
+  void set_focal(double focal_px, double sigma_px) {
+    ideal_.focal_px = focal_px;
+    focal_sigma_px_ = sigma_px;
+  }
 
   Eigen::Vector2d ideal_px(const FeatureRef& f) const {
     return pictures_[f.picture].ideal_px[f.feature].cast<double>();
@@ -101,6 +111,8 @@ class Scene {
   ReconstructionConfig config_;
   double min_baseline_ = 0;
   RectifiedStereo ideal_;
+  std::optional<FocalPrior> focal_prior_;
+  double focal_sigma_px_ = 0;
   std::vector<SeenFeatures> pictures_;
   std::vector<Track> tracks_;
   std::vector<ScenePoint> points_;

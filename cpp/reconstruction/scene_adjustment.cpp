@@ -2,6 +2,7 @@
 #include "reconstruction/scene_adjustment.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace pilotage {
@@ -126,8 +127,13 @@ BundleResult adjust_scene(Scene& scene, std::span<const int> free,
   BundleOptions bundle = bundle_options(config);
   bundle.max_iterations = options.max_iterations;
   bundle.relative_cost_change = options.relative_cost_change;
+  if (options.refines_focal) part.problem.focal_prior = scene.focal_prior();
   BundleResult result = adjust_bundle(part.problem, bundle);
   if (result.termination == Termination::numerical_failure) return result;
+  if (part.problem.focal_prior) {
+    scene.set_focal(part.problem.stereo.focal_px,
+                    result.focal_sigma_px * std::sqrt(result.unit_variance));
+  }
   const std::vector<Transform>& poses = part.problem.world_from_left;
   for (const int picture : free) {
     scene.set_pose(picture, poses[part.frame_of_picture(picture)].inverse());

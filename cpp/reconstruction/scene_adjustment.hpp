@@ -13,6 +13,7 @@ namespace pilotage {
 struct SceneAdjustment {
   int max_iterations = 10;
   double relative_cost_change = 1e-4;
+  bool refines_focal = false;  ///< if the scene has a prior of its focal length
 };
 
 /// Adjusts the poses of `free` pictures (posed ones) and every place they see; other pictures that

@@ -1536,6 +1536,12 @@ class ReconstructionConfig:
         """standard error of a feature's coordinates at the finest scale"""
 
     @property
+    def focal_sigma(self) -> object:
+        """
+        relative standard error of the focal length given; 0: it is right, more: a better one is looked for
+        """
+
+    @property
     def min_pair_inliers(self) -> object:
         """matches that must agree on the geometry of two pictures"""
 
@@ -1595,6 +1601,9 @@ class PictureFate(enum.Enum):
     not_connected = 4
     """Matched, but too little of it is in the model."""
 
+    other_camera = 5
+    """Asks for another focal length than the other pictures."""
+
 class Reconstruction:
     """
     Poses and points up to one similarity: the world is the camera of the first posed picture, the unit the rms distance of the cameras from their middle.
@@ -1639,6 +1648,16 @@ class Reconstruction:
     @property
     def rms_px(self) -> float:
         """Of the residuals in x and y."""
+
+    @property
+    def focal_px(self) -> float:
+        """
+        Of the first camera; a better one than given if config.focal_sigma > 0.
+        """
+
+    @property
+    def focal_sigma_px(self) -> float:
+        """Its standard error, 0 if it was not looked for."""
 
     @property
     def feature_count(self) -> int: ...

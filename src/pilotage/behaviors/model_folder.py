@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,7 +15,14 @@ import yaml
 
 from pilotage import PictureFate, __version__
 from pilotage.atomic_files import write_atomically, write_each
-from pilotage.behaviors.reconstruct import FATE_WORDS, Reconstructed, read_greys, solve
+from pilotage.behaviors.reconstruct import (
+    FATE_WORDS,
+    NOMINAL_FOCAL_SIGMA,
+    Reconstructed,
+    focal_fault,
+    read_greys,
+    solve,
+)
 from pilotage.calibration.one_camera import camera_of_view, load_camera
 from pilotage.calibration.own import camera_values
 from pilotage.errors import InputError
@@ -52,11 +60,13 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     fov_deg: float | None,
     ordered: bool,
     config: ReconstructionConfig,
+    refine_fov: bool = False,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Reconstruct the pictures of a folder, write the folder `out`, and return its summary.
 
     The camera is that of `calibration`, of a file beside the pictures, or a pinhole of `fov_deg`.
+    `refine_fov` looks for a better field of view than `fov_deg`.
     InputError where there are no pictures, no camera, or `out` is not free; RunError where a file
     cannot be written: what can be is.
     """
@@ -65,6 +75,7 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
         raise InputError(f"{pictures}: holds no pictures; give a folder of them")
     first = read_first(files[0])
     camera = camera_of(first, pictures, calibration, fov_deg)
+    config = with_refinement(config, fov_deg, refine_fov=refine_fov)
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
     greys = read_greys(files, camera, first=first)
@@ -75,7 +86,7 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     summary = _summary(pictures, found) | {"ordered": ordered} | cost
     model = coloured(found.model, {file.name: file for file in files})
     times_ns = picture_times(files)
-    errors = write_each(_writes(out, model, camera, config, summary, times_ns))
+    errors = write_each(_writes(out, model, found.camera, config, summary, times_ns))
     if errors:
         raise errors[0]
     return summary
@@ -110,6 +121,37 @@ def camera_of(first: Grey, folder: Path, calibration: Path | None, fov_deg: floa
     )
 
 
+def with_refinement(
+    config: ReconstructionConfig, fov_deg: float | None, *, refine_fov: bool
+) -> ReconstructionConfig:
+    """Return the configuration that looks for a better field of view, where that is asked for.
+
+    InputError where there is none to begin with: a calibration knows better.
+    """
+    values = config.to_dict()
+    is_set = values["focal_sigma"] > 0
+    wanted = refine_fov or is_set
+    if wanted and fov_deg is None:
+        raise InputError(
+            "--refine-fov and focal_sigma > 0 improve on a nominal field of view: give --fov-deg"
+        )
+    if not refine_fov or is_set:
+        return config
+    return type(config).from_dict({**values, "focal_sigma": NOMINAL_FOCAL_SIGMA})
+
+
+def _focal_summary(found: Reconstructed) -> dict[str, Any]:
+    result = found.result
+    if not found.model.names or result.focal_sigma_px == 0:
+        return {"focal_px": None, "focal_sigma_px": None, "fov_deg": None}
+    half = 0.5 * found.camera.width_px / result.focal_px
+    return {
+        "focal_px": result.focal_px,
+        "focal_sigma_px": result.focal_sigma_px,
+        "fov_deg": math.degrees(2 * math.atan(half)),
+    }
+
+
 def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
     posed = len(found.model.names)
     missing = {
@@ -125,11 +167,14 @@ def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
         "points": len(found.model.points_in_world), "observations": len(found.model.picture),
         "rms_px": result.rms_px, "features": result.feature_count,
         "matched_pairs": result.pair_count, "tracks": result.track_count, "unit": "unknown",
+        **_focal_summary(found),
     }  # fmt: skip
 
 
 def verdict(found: Reconstructed) -> str:
     """Return in a line what the reconstruction amounts to."""
+    if (fault := focal_fault(found)) is not None:
+        return f"unsure: {fault}"
     if found.is_whole:
         return "whole"
     if found.model.names:

@@ -27,7 +27,17 @@ FATE_WORDS: Mapping[PictureFate, str] = {
     PictureFate.no_parallax: "what it shares with others was seen from one place only: a turn of"
     " the camera says nothing of distance, move it sideways",
     PictureFate.not_connected: "shares too little with the others: take pictures between",
+    PictureFate.other_camera: "asks for another focal length than the others: another camera or"
+    " zoom took it, reconstruct such pictures by themselves",
 }
+
+# Relative standard error of a focal length from a nominal field of view, of which a better one is
+# asked for: data sheets round, mean the diagonal, or mean another resolution.
+NOMINAL_FOCAL_SIGMA = 0.2
+# A focal length known worse than this leaves depth against width in doubt: not a good model.
+USABLE_FOCAL_SIGMA = 0.03
+# So many standard errors off the nominal one, a focal length fits mistakes.
+LARGEST_FOCAL_ERRORS = 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,11 +51,33 @@ class Reconstructed:
     names: tuple[str, ...]  # of all pictures, as given
     fates: tuple[PictureFate, ...]  # of all pictures
     result: Reconstruction
+    given_focal_px: float
+    focal_sigma: float  # relative standard error of the given one; 0: it was not looked for
 
     @property
     def is_whole(self) -> bool:
         """Tell whether every picture has a pose."""
         return all(fate is PictureFate.posed for fate in self.fates)
+
+    @property
+    def camera(self) -> Camera:
+        """The camera, with the focal length found where a better one was asked for."""
+        return self.model.cameras[0]
+
+
+def focal_fault(found: Reconstructed) -> str | None:
+    """Return why the focal length found is not to be believed; None where it is, or was given."""
+    result = found.result
+    if result.focal_sigma_px == 0 or not found.model.names:
+        return None
+    sigma, off = result.focal_sigma_px / result.focal_px, result.focal_px / found.given_focal_px - 1
+    if sigma > USABLE_FOCAL_SIGMA:
+        told = f"these pictures tell the focal length to {100 * sigma:.0f} % only"
+    elif abs(off) > LARGEST_FOCAL_ERRORS * found.focal_sigma:
+        told = f"the focal length comes out {100 * off:+.0f} % off the nominal one"
+    else:
+        return None
+    return f"{told}, depth against width is as unsure: calibrate, or turn and move sideways"
 
 
 def reconstruct(
@@ -84,10 +116,27 @@ def solve(
         config=config or ReconstructionConfig(),
     )
     return Reconstructed(
-        model=model_of(names, [camera], [0] * len(names), result),
+        model=model_of(names, [_with_focal(camera, result)], [0] * len(names), result),
         names=tuple(names),
         fates=tuple(result.fates),
         result=result,
+        given_focal_px=camera.fx_px,
+        focal_sigma=0.0 if config is None else float(config.to_dict()["focal_sigma"]),
+    )
+
+
+def _with_focal(camera: Camera, result: Reconstruction) -> Camera:
+    if result.focal_sigma_px == 0:
+        return camera
+    from pilotage import Camera
+
+    return Camera(
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        fx_px=result.focal_px,
+        fy_px=result.focal_px,
+        cx_px=camera.cx_px,
+        cy_px=camera.cy_px,
     )
 
 

@@ -26,6 +26,12 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the model.")] = Path("out"),
     calibration: options.Calibration = None,
     fov_deg: options.FovDeg = None,
+    refine_fov: Annotated[
+        bool,
+        typer.Option(
+            "--refine-fov", help="Find a better field of view than --fov-deg from the pictures."
+        ),
+    ] = False,
     unordered: Annotated[
         bool, typer.Option("--unordered", help="The pictures do not follow each other.")
     ] = False,
@@ -60,12 +66,13 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
                 fov_deg=fov_deg,
                 ordered=not unordered,
                 config=load_reconstruction_config(config, settings or []),
+                refine_fov=refine_fov,
                 overwrite=overwrite,
             )
         else:
             from pilotage.behaviors.walk_folder import reconstruct_recording
 
-            _check_options_of_walk(calibration, fov_deg, unordered=unordered)
+            _check_options_of_walk(calibration, fov_deg, refine_fov=refine_fov, unordered=unordered)
             summary = reconstruct_recording(
                 recording=source,
                 out=out,
@@ -80,11 +87,12 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
 
 
 def _check_options_of_walk(
-    calibration: Path | None, fov_deg: float | None, *, unordered: bool
+    calibration: Path | None, fov_deg: float | None, *, refine_fov: bool, unordered: bool
 ) -> None:
     given = {
         "--calibration": calibration is not None,
         "--fov-deg": fov_deg is not None,
+        "--refine-fov": refine_fov,
         "--unordered": unordered,
     }
     for name, is_given in given.items():
@@ -102,6 +110,8 @@ def _conclude(summary: dict[str, Any], out: Path) -> None:
     else:
         for name, words in summary["without_pose"].items():
             say_warning(f"{name}: {words}")
+        if summary["posed"] and summary["verdict"].startswith("unsure"):
+            say_warning(summary["verdict"])
     if summary["posed"] == 0:
         fail(model_words(summary), FAILED)
     shown = REPORT if (out / REPORT).exists() else SUMMARY

@@ -20,10 +20,16 @@ def model_words(summary: Mapping[str, Any]) -> str:
         return f"No model: {summary['verdict']}"
     if "stops" in summary:
         return _walk_words(summary)
-    return (
+    words = (
         f"{summary['posed']} of {summary['pictures']} pictures placed, {summary['points']} points,"
         f" residuals {summary['rms_px']:.2f} px rms, {summary['wall_s']:.1f} s"
     )
+    if summary.get("focal_px") is not None:
+        words += (
+            f"; focal length {summary['focal_px']:.1f} ± {summary['focal_sigma_px']:.1f} px,"
+            f" {summary['fov_deg']:.2f} degrees wide"
+        )
+    return words
 
 
 def _walk_words(summary: Mapping[str, Any]) -> str:
