@@ -20,6 +20,7 @@ import argparse
 import copy
 import dataclasses
 import math
+import re
 import sys
 import tempfile
 import time
@@ -47,7 +48,7 @@ from pilotage.simulation import (
     robot_model,
 )
 from pilotage.simulation.paths import parse_path
-from pilotage.simulation.scene import WALK_PREFIX
+from pilotage.simulation.scene import SURFACE_PREFIX, WALK_PREFIX
 from pilotage.simulation.walkers import Walk
 from pilotage.simulation.walkers import read_walk as read_walker
 from pilotage.simulation.world import World
@@ -111,15 +112,32 @@ def crowded(seed: int, path: str, people: int) -> tuple[World, tuple[Walk, ...]]
         walkers.append(Walk(f"person_{number}", points, float(random.uniform(0.3, 0.7))))
         body = copy.deepcopy(person)
         body.set("name", walkers[-1].body)
-        for geom in body.iter("geom"):
-            if geom.get("material") == "trousers":
-                geom.set("material", "shirt")
+        _dress(root, body, f"shirt_{number}", int(random.integers(1, 2**31)))
         bodies.append(body)
         name, data = walkers[-1].note()
         ElementTree.SubElement(notes, "text", name=name, data=data)
         walkers[-1] = read_walker(name, data)
     mjcf = ElementTree.tostring(root, encoding="unicode")
     return dataclasses.replace(world, mjcf=mjcf), tuple(walkers)
+
+
+def _dress(root: ElementTree.Element, body: ElementTree.Element, name: str, seed: int) -> None:
+    """Give a person clothes of a pattern of their own, all over."""
+    asset, notes = root.find("asset"), root.find("custom")
+    assert asset is not None
+    assert notes is not None
+    for parent, attribute, old in (
+        (asset, "name", "shirt"),
+        (notes, "name", f"{SURFACE_PREFIX}shirt"),
+    ):
+        made = copy.deepcopy(next(e for e in parent if e.get(attribute) == old))
+        made.set(attribute, old.replace("shirt", name))
+        if parent is notes:
+            made.set("data", re.sub(r"seed=\d+", f"seed={seed}", made.get("data", "")))
+        parent.append(made)
+    for geom in body.iter("geom"):
+        if geom.get("material") in {"shirt", "trousers"}:
+            geom.set("material", name)
 
 
 def walk_of(world: World, path: str, width: int, out: Path) -> RecordedWalk:

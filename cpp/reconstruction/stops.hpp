@@ -10,8 +10,9 @@
 
 namespace pilotage {
 
-/// Chi-square of six (99.7 %) beyond which a motion is not that of the step.
-constexpr double step_gate = 20;
+/// Chi-square of six beyond which no motion is looked for where a step led (99.7 %), and beyond
+/// which the step did not lead where a stop is found to be.
+constexpr double step_gate = 20, contradiction = 40;
 
 /// How a robot believes to have come from the stop before to this one.
 struct StepAccount {

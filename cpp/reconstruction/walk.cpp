@@ -48,7 +48,7 @@ bool doubt_steps(Stops& stops) {
   for (int stop = 1; stop < stops.count(); ++stop) {
     const auto &a = stops.world_from_stop(stop - 1), &b = stops.world_from_stop(stop);
     if (!a || !b || !stops.is_step_believed(stop)) continue;
-    if (stops.account().steps[stop]->misfit(a->inverse() * *b) < step_gate) continue;
+    if (stops.account().steps[stop]->misfit(a->inverse() * *b) < contradiction) continue;
     stops.disbelieve_step_to(stop);
     has_doubted = true;
   }

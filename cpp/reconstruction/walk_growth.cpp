@@ -71,7 +71,7 @@ std::vector<int> contradicted_steps(const Stops& stops, int stop) {
     const auto &before = stops.world_from_stop(to - 1), &after = stops.world_from_stop(to);
     if (!before || !after) continue;
     const double misfit = stops.account().steps[to]->misfit(before->inverse() * *after);
-    if (misfit > step_gate) contradicted.push_back(to);
+    if (misfit > contradiction) contradicted.push_back(to);
   }
   return contradicted;
 }

@@ -33,7 +33,7 @@ YAW_JOINT = "HeadYaw"
 # sides of it are the simulator's (simulation/gait.py).
 PLACE_SIGMA_M, PLACE_GROWTH = 0.01, 0.1
 YAW_SIGMA_RAD, YAW_GROWTH_RAD_M, YAW_GROWTH = 0.02, 0.2, 0.1
-HEIGHT_SIGMA_M, TILT_SIGMA_RAD = 0.005, 0.01
+HEIGHT_SIGMA_M, TILT_SIGMA_RAD = 0.01, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
