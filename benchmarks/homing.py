@@ -105,7 +105,9 @@ def crowded(seed: int, path: str, people: int) -> tuple[World, tuple[Walk, ...]]
     walkers = []
     for number in range(people):
         # Two outside of the path for one inside: it looks ahead, where those outside are.
-        apart_m = random.uniform(*APART_M) * (-1 if number % 3 == 2 else 1)
+        apart_m = random.uniform(*APART_M)
+        if number % 3 == 2 and reach_m.min() > 2 * apart_m:
+            apart_m = -apart_m
         points = drive.centre() + from_middle * (1 + apart_m / reach_m)
         begin = int(len(points) * (number + random.uniform(0, 0.6)) / people)
         points = np.roll(points, begin, axis=0)[:: int(random.choice([-1, 1]))]

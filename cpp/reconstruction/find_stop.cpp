@@ -34,35 +34,9 @@ std::vector<StopSight> sights_of(const Scene& scene, const Stops& stops, int sto
   return sights;
 }
 
-/// Where the steps from a posed stop lead, over a few that have no pose.
-struct Prediction {
-  PredictedStop stop;
-  int steps = 0;  ///< that lead there
-};
-
-std::optional<Prediction> predict_from(const Stops& stops, int stop, int direction) {
-  PredictedStop predicted{{}, Matrix6d::Zero()};
-  Transform other_from_stop;
-  for (int steps = 1, from = stop; steps <= max_steps; ++steps, from += direction) {
-    const int other = from + direction;
-    if (other < 0 || other >= stops.count()) return std::nullopt;
-    const auto step = stops.step_between(other, from);
-    if (!step) return std::nullopt;
-    other_from_stop = step->previous_from_stop * other_from_stop;
-    // A turn on the way moves all that follows.
-    const double lever = other_from_stop.translation.norm();
-    predicted.covariance += step->covariance;
-    predicted.covariance.topLeftCorner<3, 3>() +=
-        lever * lever * step->covariance(5, 5) * Eigen::Matrix3d::Identity();
-    if (!stops.world_from_stop(other)) continue;
-    predicted.world_from_stop = *stops.world_from_stop(other) * other_from_stop;
-    return Prediction{predicted, steps};
-  }
-  return std::nullopt;
-}
-
 std::optional<Prediction> predicted_pose(const Stops& stops, int stop) {
-  const auto before = predict_from(stops, stop, -1), after = predict_from(stops, stop, 1);
+  const auto before = predict_from(stops, stop, -1, max_steps);
+  const auto after = predict_from(stops, stop, 1, max_steps);
   if (!before || !after) return before ? before : after;
   return before->steps <= after->steps ? before : after;
 }
@@ -94,6 +68,27 @@ bool is_enough(const StopResection& found, int steps, std::span<const StopSight>
 }
 
 }  // namespace
+
+std::optional<Prediction> predict_from(const Stops& stops, int stop, int direction, int max_steps) {
+  PredictedStop predicted{{}, Matrix6d::Zero()};
+  Transform other_from_stop;
+  for (int steps = 1, from = stop; steps <= max_steps; ++steps, from += direction) {
+    const int other = from + direction;
+    if (other < 0 || other >= stops.count()) return std::nullopt;
+    const auto step = stops.step_between(other, from);
+    if (!step) return std::nullopt;
+    other_from_stop = step->previous_from_stop * other_from_stop;
+    // A turn on the way moves all that follows.
+    const double lever = other_from_stop.translation.norm();
+    predicted.covariance += step->covariance;
+    predicted.covariance.topLeftCorner<3, 3>() +=
+        lever * lever * step->covariance(5, 5) * Eigen::Matrix3d::Identity();
+    if (!stops.world_from_stop(other)) continue;
+    predicted.world_from_stop = *stops.world_from_stop(other) * other_from_stop;
+    return Prediction{predicted, steps};
+  }
+  return std::nullopt;
+}
 
 int sight_count(const Scene& scene, const Stops& stops, int stop) {
   int count = 0;

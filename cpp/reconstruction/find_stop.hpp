@@ -4,9 +4,20 @@
 #include <optional>
 
 #include "reconstruction/scene.hpp"
+#include "reconstruction/stop_resection.hpp"
 #include "reconstruction/stops.hpp"
 
 namespace pilotage {
+
+/// Where steps lead from a stop that has a pose.
+struct Prediction {
+  PredictedStop stop;
+  int steps = 0;  ///< that lead there
+};
+
+/// From the next posed stop before (direction -1) or after (1), over at most so many believed
+/// steps.
+std::optional<Prediction> predict_from(const Stops& stops, int stop, int direction, int max_steps);
 
 /// A stop's pose, and whether its step led there.
 struct FoundStop {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "reconstruction/find_stop.hpp"
 #include "reconstruction/observe.hpp"
 #include "reconstruction/refinement.hpp"
 #include "reconstruction/report.hpp"
@@ -88,6 +89,18 @@ void count_sights(const Scene& scene, const Stops& stops, std::vector<PlacedStop
   }
 }
 
+/// Whether the steps from the last stop with a pose do not lead to where this one is.
+bool was_carried(const Stops& stops, int stop) {
+  if (stop == 0 || !stops.account().steps[stop]) return false;
+  if (stops.world_from_stop(stop - 1)) return !stops.is_step_believed(stop);
+  const auto predicted = predict_from(stops, stop, -1, stops.count());
+  if (!predicted) return false;
+  const Transform from_predicted =
+      predicted->stop.world_from_stop.inverse() * *stops.world_from_stop(stop);
+  return StepAccount{Transform{}, predicted->stop.covariance}.misfit(from_predicted) >
+         contradiction;
+}
+
 /// `length_sigma` is common to all: it lies along the way from the first stop.
 std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, double length_sigma,
                                      const ReconstructionConfig& config) {
@@ -96,8 +109,7 @@ std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, dou
   for (int k = 0; k < stops.count(); ++k) {
     placed[k].world_from_stop = stops.world_from_stop(k);
     if (!placed[k].world_from_stop) continue;
-    const bool has_step = k > 0 && stops.account().steps[k].has_value();
-    placed[k].fate = has_step && !stops.is_step_believed(k) ? StopFate::carried : StopFate::placed;
+    placed[k].fate = was_carried(stops, k) ? StopFate::carried : StopFate::placed;
     const Eigen::Vector3d way = length_sigma * placed[k].world_from_stop->translation;
     // A turn of the world's axes moves the place on its lever.
     Matrix6d place_from_left = Matrix6d::Identity();
