@@ -9,8 +9,8 @@
 
 #include "estimation/pose_ransac.hpp"
 #include "estimation/resection.hpp"
-#include "reconstruction/own_focal.hpp"
 #include "reconstruction/coverage.hpp"
+#include "reconstruction/own_focal.hpp"
 #include "reconstruction/scene_adjustment.hpp"
 
 namespace pilotage {

@@ -100,7 +100,8 @@ BOOST_AUTO_TEST_CASE(refining_does_not_leave_the_gate) {
   predicted.world_from_stop.translation.x() += 0.006;
   const auto found = resect_stop(sights, rig.stop_from_camera, {}, predicted);
   BOOST_REQUIRE(found.has_value());
-  BOOST_TEST(distance_m(found->world_from_stop, predicted.world_from_stop) <= 0.001 * std::sqrt(step_gate));
+  BOOST_TEST(distance_m(found->world_from_stop, predicted.world_from_stop) <=
+             0.001 * std::sqrt(step_gate));
 }
 
 BOOST_AUTO_TEST_CASE(too_little_is_no_pose) {
