@@ -304,7 +304,8 @@ def measure(room: Room, *, path: str, width: int, people: int) -> dict[str, Any]
             "over_half": float(np.mean(np.array(shares) > 0.5)),
             "carried_from": first, "carried_to": last,
             "carried_declared": away.stops[first].fate != StopFate.placed,
-            "carried_found": away.stops[first].fate == StopFate.carried,
+            "carried_found": away.stops[first].world_from_stop is not None,
+            "carried_said": away.stops[first].fate.name,
             "carried_wrong": wrong_stops(away),
         }  # fmt: skip
 

@@ -78,6 +78,8 @@ void bind_stops(nb::module_& m) {
       .value("placed", StopFate::placed, "Its step and its pictures agree.")
       .value("carried", StopFate::carried,
              "Its pictures say where it is, and that no step led there.")
+      .value("found", StopFate::found,
+             "Its pictures say where it is; the stop before is lost, so how it came is not known.")
       .value("lost", StopFate::lost, "What its pictures show could not be found in what is known.");
   nb::class_<PlacedStop>(m, "PlacedStop", "A stop of a walk and where it is.")
       .def_ro("fate", &PlacedStop::fate)

@@ -89,16 +89,26 @@ void count_sights(const Scene& scene, const Stops& stops, std::vector<PlacedStop
   }
 }
 
-/// Whether the steps from the last stop with a pose do not lead to where this one is.
-bool was_carried(const Stops& stops, int stop) {
-  if (stop == 0 || !stops.account().steps[stop]) return false;
-  if (stops.world_from_stop(stop - 1)) return !stops.is_step_believed(stop);
+/// Whether no stop before has a pose: the world begins here.
+bool is_first(const Stops& stops, int stop) {
+  for (int before = 0; before < stop; ++before) {
+    if (stops.world_from_stop(before)) return false;
+  }
+  return true;
+}
+
+/// How a stop with a pose was reached, by the steps from the last one that has a pose.
+StopFate fate_of(const Stops& stops, int stop) {
+  if (stop == 0 || !stops.account().steps[stop]) return StopFate::placed;
+  if (stops.world_from_stop(stop - 1)) {
+    return stops.is_step_believed(stop) ? StopFate::placed : StopFate::carried;
+  }
   const auto predicted = predict_from(stops, stop, -1, stops.count());
-  if (!predicted) return false;
+  if (!predicted) return is_first(stops, stop) ? StopFate::placed : StopFate::found;
   const Transform from_predicted =
       predicted->stop.world_from_stop.inverse() * *stops.world_from_stop(stop);
-  return StepAccount{Transform{}, predicted->stop.covariance}.misfit(from_predicted) >
-         contradiction;
+  const StepAccount steps{Transform{}, predicted->stop.covariance};
+  return steps.misfit(from_predicted) > contradiction ? StopFate::carried : StopFate::found;
 }
 
 /// `length_sigma` is common to all: it lies along the way from the first stop.
@@ -109,7 +119,7 @@ std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, dou
   for (int k = 0; k < stops.count(); ++k) {
     placed[k].world_from_stop = stops.world_from_stop(k);
     if (!placed[k].world_from_stop) continue;
-    placed[k].fate = was_carried(stops, k) ? StopFate::carried : StopFate::placed;
+    placed[k].fate = fate_of(stops, k);
     const Eigen::Vector3d way = length_sigma * placed[k].world_from_stop->translation;
     // A turn of the world's axes moves the place on its lever.
     Matrix6d place_from_left = Matrix6d::Identity();

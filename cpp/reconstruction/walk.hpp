@@ -15,6 +15,7 @@ namespace pilotage {
 enum class StopFate {
   placed,   ///< its step and its pictures agree
   carried,  ///< its pictures say where it is, and that no step led there
+  found,    ///< its pictures say where it is; the stop before is lost, so nobody knows how it came
   lost,     ///< what its pictures show could not be found in what is known
 };
 

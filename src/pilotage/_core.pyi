@@ -1725,7 +1725,12 @@ class StopFate(enum.Enum):
     carried = 1
     """Its pictures say where it is, and that no step led there."""
 
-    lost = 2
+    found = 2
+    """
+    Its pictures say where it is; the stop before is lost, so how it came is not known.
+    """
+
+    lost = 3
     """What its pictures show could not be found in what is known."""
 
 class PlacedStop:

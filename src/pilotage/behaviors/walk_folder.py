@@ -102,6 +102,7 @@ def _summary(recording: Path, placed: PlacedWalk) -> dict[str, Any]:
         "stops_carried": [
             i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.carried
         ],
+        "stops_found": [i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.found],
         "stops_lost": [i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.lost],
         "set_aside": [stop.set_aside for stop in placed.stops],
         "lengths": lengths_of(placed), "truth": against_truth(placed),

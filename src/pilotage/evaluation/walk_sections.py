@@ -21,6 +21,7 @@ from pilotage.results import STOPS
 FATE_WORDS = {
     "placed": "placed",
     "carried": "carried there",
+    "found": "found again",
     "lost": "lost",
 }
 
