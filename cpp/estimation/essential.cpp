@@ -9,16 +9,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// Two unit vectors across `direction`.
-Eigen::Matrix<double, 3, 2> across(const Vector3d& direction) {
-  int smallest;
-  direction.cwiseAbs().minCoeff(&smallest);
-  Eigen::Matrix<double, 3, 2> basis;
-  basis.col(0) = direction.cross(Vector3d::Unit(smallest)).normalized();
-  basis.col(1) = direction.cross(basis.col(0));
-  return basis;
-}
-
 struct NormalEquations {
   Matrix6d normal = Matrix6d::Zero();  ///< by turn of the rotation's result and change of direction
   Vector6d gradient = Vector6d::Zero();
@@ -45,6 +35,15 @@ void add_match(const Vector3d& t, const Vector3d& q, const Vector3d& b, double l
 }
 
 }  // namespace
+
+Eigen::Matrix<double, 3, 2> across_direction(const Vector3d& direction) {
+  int smallest;
+  direction.cwiseAbs().minCoeff(&smallest);
+  Eigen::Matrix<double, 3, 2> across;
+  across.col(0) = direction.cross(Vector3d::Unit(smallest)).normalized();
+  across.col(1) = direction.cross(across.col(0));
+  return across;
+}
 
 Matrix3d essential_of(const Transform& b_from_a) {
   return cross_matrix(b_from_a.translation.normalized()) * b_from_a.rotation.toRotationMatrix();
@@ -101,7 +100,7 @@ Transform refine_motion(const RayMatches& matches, std::span<const int> used,
       add_match(motion.translation, rotation * matches.rays_a[i], matches.rays_b[i],
                 limit_rad * limit_rad, sums);
     }
-    const Eigen::Matrix<double, 3, 2> basis = across(motion.translation);
+    const Eigen::Matrix<double, 3, 2> basis = across_direction(motion.translation);
     Eigen::Matrix<double, 6, 5> unknowns = Eigen::Matrix<double, 6, 5>::Zero();
     unknowns.topLeftCorner<3, 3>().setIdentity();
     unknowns.bottomRightCorner<3, 2>() = basis;

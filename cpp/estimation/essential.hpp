@@ -11,6 +11,9 @@
 
 namespace pilotage {
 
+/// Two unit vectors at right angles to `direction` and to each other: what it may turn by.
+Eigen::Matrix<double, 3, 2> across_direction(const Eigen::Vector3d& direction);
+
 /// [t]x R of a motion, t scaled to unit length.
 Eigen::Matrix3d essential_of(const Transform& b_from_a);
 

@@ -156,15 +156,6 @@ TwoViews Adjustment::run() {
 
 }  // namespace
 
-Eigen::Matrix<double, 3, 2> across_direction(const Vector3d& direction) {
-  int least;
-  direction.cwiseAbs().minCoeff(&least);
-  Eigen::Matrix<double, 3, 2> across;
-  across.col(0) = direction.cross(Vector3d::Unit(least)).normalized();
-  across.col(1) = direction.cross(across.col(0));
-  return across;
-}
-
 Transform moved_by(const Transform& second_from_first, const Vector5d& step) {
   const Vector3d& direction = second_from_first.translation;
   return {(rotation_exp(step.head<3>()) * second_from_first.rotation).normalized(),

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "estimation/essential.hpp"
 #include "geometry/transform.hpp"
 
 namespace pilotage {
@@ -39,9 +40,6 @@ struct TwoViews {
 /// looks different from elsewhere, shifts many alike. Throws std::invalid_argument for lengths that
 /// differ and for fewer than five matches.
 TwoViews refine_two_views(const TwoViewRays& rays, const Transform& start);
-
-/// Two unit vectors at right angles to `direction` and to each other: what it may turn by.
-Eigen::Matrix<double, 3, 2> across_direction(const Eigen::Vector3d& direction);
 
 /// How residuals and depths of a match change: by the motion's five parameters, and for depths by x
 /// and y of the second ray.

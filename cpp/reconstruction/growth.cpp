@@ -121,23 +121,9 @@ bool asks_for_another_focal(const Scene& scene, int picture) {
 
 /// The pictures that share most places with `picture`, itself first.
 std::vector<int> neighbours(const Scene& scene, int picture) {
-  std::vector<int> shared(scene.picture_count(), 0);
-  for (const Scene::Shown& shown : scene.shown_in(picture)) {
-    const ScenePoint& point = scene.point(shown.track);
-    if (!point.is_used[shown.slot]) continue;
-    const Track& track = scene.track(shown.track);
-    for (std::size_t k = 0; k < track.size(); ++k) shared[track[k].picture] += point.is_used[k];
-  }
-  shared[picture] = std::numeric_limits<int>::max();
-  std::vector<int> order(scene.picture_count());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return shared[a] > shared[b]; });
-  int count = 0;
-  while (count < near_pictures && count < scene.picture_count() && shared[order[count]] > 0) {
-    ++count;
-  }
-  order.resize(count);
-  return order;
+  std::vector<int> own_group(scene.picture_count());
+  std::iota(own_group.begin(), own_group.end(), 0);
+  return scene.sharing_most(own_group, picture, near_pictures);
 }
 
 bool settle(Scene& scene, int picture, const ReconstructionConfig& config) {
@@ -147,10 +133,7 @@ bool settle(Scene& scene, int picture, const ReconstructionConfig& config) {
   // With nothing else to hold on to this would be an adjustment of all.
   if (static_cast<int>(free.size()) < scene.posed_count()) adjust_scene(scene, free, config, {});
   scene.drop_outliers(tracks);
-  const auto used = std::count_if(
-      scene.shown_in(picture).begin(), scene.shown_in(picture).end(),
-      [&](const Scene::Shown& s) { return scene.point(s.track).is_used[s.slot] != 0; });
-  return used >= config.min_pose_inliers;
+  return scene.used_in(picture) >= config.min_pose_inliers;
 }
 
 /// Poses the pair and, if there is one, the picture that shows most of it; returns the score.
@@ -217,12 +200,6 @@ std::vector<int> begin_scene(Scene& scene, const Start& start, const Reconstruct
   return scene.posed_pictures();
 }
 
-std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
-                             const ReconstructionConfig& config) {
-  const std::vector<Start> starts = rank_starts(scene, pairs, config);
-  return starts.empty() ? std::vector<int>{} : begin_scene(scene, starts.front(), config);
-}
-
 std::optional<int> add_picture(Scene& scene, std::vector<char>& was_refused,
                                const ReconstructionConfig& config) {
   for (;;) {
@@ -260,15 +237,16 @@ void pose_anew(Scene& scene, std::span<const int> pictures, const Reconstruction
   if (scene.posed_count() < before.posed_count()) scene = before;
 }
 
-void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds) {
+void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds, Stops* stops) {
   const std::vector<int> tracks = scene.all_tracks();
   for (int round = 0; round < rounds; ++round) {
     const std::vector<int> pictures = scene.posed_pictures();
     if (pictures.size() < 2) return;
-    adjust_scene(scene, pictures, config,
-                 {.max_iterations = 20,
-                  .relative_cost_change = 1e-5,
-                  .refines_focal = static_cast<int>(pictures.size()) >= min_focal_pictures});
+    const bool refines_focal = static_cast<int>(pictures.size()) >= min_focal_pictures;
+    adjust_scene(
+        scene, pictures, config,
+        {.max_iterations = 20, .relative_cost_change = 1e-5, .refines_focal = refines_focal},
+        stops);
     const int dropped = scene.drop_outliers(tracks);
     const int placed = scene.place(tracks);
     if (dropped + placed < scene.track_count() / 1000) return;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "reconstruction/scene.hpp"
+#include "reconstruction/stops.hpp"
 #include "reconstruction/view_pairs.hpp"
 
 namespace pilotage {
@@ -21,17 +23,9 @@ struct Start {
 std::vector<Start> rank_starts(Scene& scene, const std::vector<ViewPair>& pairs,
                                const ReconstructionConfig& config);
 
-/// Begins the model anew; returns the pictures posed.
+/// Begins the model anew: poses two pictures from their relative pose, a third from what they
+/// place. Returns the pictures posed.
 std::vector<int> begin_scene(Scene& scene, const Start& start, const ReconstructionConfig& config);
-
-/// Poses two pictures from their relative pose, a third from what they place, if that is a good
-/// start.
-///
-/// Tries the pairs with the most matches seen under a wide angle; the three that place most things
-/// together, at the best angles, stay. Returns the pictures posed; none if no pair will do: nothing
-/// but turns, or nothing in common.
-std::vector<int> start_scene(Scene& scene, const std::vector<ViewPair>& pairs,
-                             const ReconstructionConfig& config);
 
 /// Poses the picture that shows most places, spread best, and places what it adds; adjusts what is
 /// near it. None that asks for another focal length: later, when it has bent the model to its own,
@@ -51,8 +45,34 @@ bool contradicts(const Scene& scene, int picture, const ReconstructionConfig& co
 /// Takes a picture out of the model, with the places that it leaves without support.
 void remove_picture(Scene& scene, int picture);
 
+/// Everything is adjusted when a model has grown by this factor: the cost of all adjustments
+/// together is then a small multiple of the last one's.
+constexpr double adjust_growth = 1.2;
+constexpr int growing_rounds = 1;
+constexpr int final_rounds = 4;
+
 /// Adjusts everything, with the focal length where that is asked for, takes out what does not fit
-/// and places what can be placed now, until little changes. Ends sooner with fewer `rounds`.
-void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds);
+/// and places what can be placed now, until little changes. Ends sooner with fewer `rounds`. With
+/// `stops` as in adjust_scene.
+void adjust_all(Scene& scene, const ReconstructionConfig& config, int rounds,
+                Stops* stops = nullptr);
+
+/// Adds to a model until nothing more can be: `add` one of `candidates` things, of which it marks
+/// what it refused; `count` those that are in it; `adjust` all.
+template <typename Add, typename Count, typename Adjust>
+void grow_all(int candidates, const Add& add, const Count& count, const Adjust& adjust) {
+  std::vector<char> was_refused(candidates, 0);
+  int adjusted = count();
+  for (;;) {
+    const bool has_grown = add(was_refused);
+    const int now = count();
+    if (now == adjusted && !has_grown) return;
+    if (has_grown && now < std::max(adjusted + 1.0, adjust_growth * adjusted)) continue;
+    adjust();
+    adjusted = now;
+    // What was refused may be posed in a better or larger model.
+    was_refused.assign(was_refused.size(), 0);
+  }
+}
 
 }  // namespace pilotage

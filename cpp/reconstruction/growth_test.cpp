@@ -17,11 +17,18 @@ std::vector<ViewPair> neighbouring_pairs(const SyntheticWalk& walk, int reach) {
   return pairs;
 }
 
+/// Begins a scene as well as can be; returns the pictures posed.
+std::vector<int> start(Scene& scene, const std::vector<ViewPair>& pairs,
+                       const ReconstructionConfig& config) {
+  const std::vector<Start> starts = rank_starts(scene, pairs, config);
+  return starts.empty() ? std::vector<int>{} : begin_scene(scene, starts.front(), config);
+}
+
 /// Grows a scene of the walk as far as it goes.
 Scene grown(const SyntheticWalk& walk, const std::vector<Track>& tracks,
             const ReconstructionConfig& config) {
   Scene scene(walk.pictures, tracks, SyntheticWalk::focal_px, config);
-  if (start_scene(scene, neighbouring_pairs(walk, 3), config).empty()) return scene;
+  if (start(scene, neighbouring_pairs(walk, 3), config).empty()) return scene;
   std::vector<char> was_refused(scene.picture_count(), 0);
   while (add_picture(scene, was_refused, config)) {
   }
@@ -79,7 +86,7 @@ BOOST_AUTO_TEST_CASE(a_picture_of_other_things_gets_no_pose) {
   std::vector<ViewPair> pairs = neighbouring_pairs(walk, 3);
   std::erase_if(pairs, [](const ViewPair& pair) { return pair.matches.b == 7; });
   Scene scene(walk.pictures, walk.tracks(3), SyntheticWalk::focal_px, {});
-  BOOST_REQUIRE(!start_scene(scene, pairs, {}).empty());
+  BOOST_REQUIRE(!start(scene, pairs, {}).empty());
   std::vector<char> was_refused(8, 0);
   while (add_picture(scene, was_refused, {})) {
   }
@@ -111,7 +118,7 @@ BOOST_AUTO_TEST_CASE(turns_alone_start_no_model) {
     pair.geometry.median_parallax_rad = 0;
   }
   Scene scene(walk.pictures, walk.tracks(3), SyntheticWalk::focal_px, {});
-  BOOST_TEST(start_scene(scene, pairs, {}).empty());
+  BOOST_TEST(start(scene, pairs, {}).empty());
   BOOST_TEST(scene.posed_count() == 0);
 }
 

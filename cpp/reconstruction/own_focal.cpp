@@ -76,10 +76,8 @@ void linearize(const std::vector<Seen>& seen, Guess& guess) {
     Eigen::Matrix<double, 2, 3> by_place;
     const double scale = guess.focal_px / p.z();
     by_place << scale, 0, -image.x() / p.z(), 0, scale, -image.y() / p.z();
-    Eigen::Matrix3d turned;  // theta x p = -[p]x theta
-    turned << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
     Eigen::Matrix<double, 2, 7> by_all;
-    by_all << by_place, by_place * turned, image;
+    by_all << by_place, by_place * -cross_matrix(p), image;  // theta x p = -[p]x theta
     by_all /= s.sigma_px;
     guess.hessian += weight * by_all.transpose() * by_all;
     guess.gradient += weight * by_all.transpose() * residual;

@@ -15,11 +15,6 @@
 namespace pilotage {
 namespace {
 
-/// Everything is adjusted when the model has grown by this factor: the cost of all adjustments
-/// together is then a small multiple of the last one's.
-constexpr double adjust_growth = 1.2;
-constexpr int growing_rounds = 1;
-constexpr int final_rounds = 4;
 /// Fewer pictures of one camera are no model once others were taken out.
 constexpr int least_pictures = 3;
 constexpr int stranger_rounds = 4;
@@ -33,18 +28,10 @@ constexpr int max_passes = 4;
 
 /// Poses picture after picture until no other can be.
 void grow(Scene& scene, const ReconstructionConfig& config) {
-  std::vector<char> was_refused(scene.picture_count(), 0);
-  int adjusted = scene.posed_count();
-  for (;;) {
-    const bool has_grown = add_picture(scene, was_refused, config).has_value();
-    const int posed = scene.posed_count();
-    if (posed == adjusted && !has_grown) return;
-    if (has_grown && posed < std::max(adjusted + 1.0, adjust_growth * adjusted)) continue;
-    adjust_all(scene, config, growing_rounds);
-    adjusted = posed;
-    // What was refused may be posed in a better or larger model.
-    was_refused.assign(was_refused.size(), 0);
-  }
+  grow_all(
+      scene.picture_count(),
+      [&](std::vector<char>& refused) { return add_picture(scene, refused, config).has_value(); },
+      [&] { return scene.posed_count(); }, [&] { adjust_all(scene, config, growing_rounds); });
 }
 
 /// Takes out pictures that another camera took, the strangest first, and lets the rest grow again.
@@ -125,17 +112,9 @@ double believe_focal(std::vector<Camera>& cameras, const Scene& scene) {
 void set_world(Scene& scene, std::span<const int> order) {
   const std::vector<int> posed = scene.posed_pictures();
   if (posed.empty()) return;
-  int first = posed.front();
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const int k : posed) {
-    if (order[k] < order[first]) first = k;
-    middle += scene.camera_from_world(k)->inverse().translation / static_cast<double>(posed.size());
-  }
-  double squares = 0;
-  for (const int k : posed) {
-    squares += (scene.camera_from_world(k)->inverse().translation - middle).squaredNorm();
-  }
-  const double spread = std::sqrt(squares / static_cast<double>(posed.size()));
+  const int first = *std::min_element(posed.begin(), posed.end(),
+                                      [&](int a, int b) { return order[a] < order[b]; });
+  const double spread = scene.camera_spread();
   scene.move_world(*scene.camera_from_world(first), spread > 0 ? 1 / spread : 1);
 }
 

@@ -71,6 +71,46 @@ std::vector<int> Scene::all_tracks() const {
   return tracks;
 }
 
+int Scene::used_in(int picture) const {
+  return static_cast<int>(std::count_if(
+      shown_[picture].begin(), shown_[picture].end(),
+      [&](const Shown& shown) { return points_[shown.track].is_used[shown.slot] != 0; }));
+}
+
+std::vector<int> Scene::sharing_most(std::span<const int> group_of_picture, int group,
+                                     int at_most) const {
+  const int groups = 1 + *std::max_element(group_of_picture.begin(), group_of_picture.end());
+  std::vector<int> shared(groups, 0);
+  for (int picture = 0; picture < picture_count(); ++picture) {
+    if (group_of_picture[picture] != group) continue;
+    for (const Shown& shown : shown_[picture]) {
+      const ScenePoint& point = points_[shown.track];
+      if (!point.is_used[shown.slot]) continue;
+      const Track& track = tracks_[shown.track];
+      for (std::size_t k = 0; k < track.size(); ++k) {
+        shared[group_of_picture[track[k].picture]] += point.is_used[k];
+      }
+    }
+  }
+  shared[group] = std::numeric_limits<int>::max();
+  std::vector<int> order(groups);
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return shared[a] > shared[b]; });
+  order.resize(std::min(at_most, groups));
+  std::erase_if(order, [&](int other) { return shared[other] == 0; });
+  return order;
+}
+
+double Scene::camera_spread() const {
+  const std::vector<int> posed = posed_pictures();
+  const double count = static_cast<double>(posed.size());
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const int k : posed) middle += poses_[k]->inverse().translation / count;
+  double squares = 0;
+  for (const int k : posed) squares += (poses_[k]->inverse().translation - middle).squaredNorm();
+  return std::sqrt(squares / count);
+}
+
 void Scene::set_pose(int picture, const std::optional<Transform>& camera_from_world) {
   poses_[picture] = camera_from_world;
   if (camera_from_world) rotation_[picture] = camera_from_world->rotation.toRotationMatrix();

@@ -49,6 +49,13 @@ class Scene {
   std::span<const Shown> shown_in(int picture) const { return shown_[picture]; }
   std::vector<int> tracks_in(int picture) const;
   std::vector<int> all_tracks() const;
+  /// How many of a picture's features are used.
+  int used_in(int picture) const;
+  /// Groups of pictures (group_of_picture[i] from 0) that share most places with one, itself first.
+  std::vector<int> sharing_most(std::span<const int> group_of_picture, int group,
+                                int at_most) const;
+  /// rms distance of the posed cameras from their middle.
+  double camera_spread() const;
   const std::optional<Transform>& camera_from_world(int picture) const { return poses_[picture]; }
   const RectifiedStereo& ideal_camera() const { return ideal_; }
   /// What was known of the ideal camera's focal length; empty when nobody asks for a better one.

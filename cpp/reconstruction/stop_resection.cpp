@@ -9,7 +9,6 @@
 #include <random>
 
 #include "estimation/p3p.hpp"
-#include "estimation/pose_link.hpp"
 
 namespace pilotage {
 namespace {
@@ -108,11 +107,8 @@ class Rig {
   double threshold_;
 };
 
-bool is_allowed(const Transform& world_from_stop, const std::optional<PredictedStop>& predicted) {
-  if (!predicted) return true;
-  const PoseLink none{};
-  const Vector6d error = linearize_link(none, predicted->world_from_stop, world_from_stop).error;
-  return error.dot(Eigen::LLT<Matrix6d>(predicted->covariance).solve(error)) < step_gate;
+bool is_allowed(const Transform& pose, const std::optional<PredictedStop>& predicted) {
+  return !predicted || predicted->misfit(pose) < step_gate;
 }
 
 /// Three sights of one picture; pictures with more are asked more often.
@@ -171,6 +167,11 @@ std::vector<Transform> poses_of(const std::array<std::size_t, 3>& sample,
 }
 
 }  // namespace
+
+double PredictedStop::misfit(const Transform& true_world_from_stop) const {
+  return StepAccount{Transform{}, covariance}.misfit(world_from_stop.inverse() *
+                                                     true_world_from_stop);
+}
 
 std::optional<StopResection> resect_stop(std::span<const StopSight> sights,
                                          std::span<const Transform> stop_from_camera,

@@ -32,15 +32,20 @@ struct StopResection {
   int inlier_count = 0;
 };
 
-/// Where a stop is, from places all its cameras see: P3P in one picture poses the whole rig, all
-/// sights judge it (LO-RANSAC), and the best is refined on those that agree.
-///
-/// With `predicted`, only poses within `step_gate` of it are taken. `cameras` are the
-/// account's stop_from_camera. None where fewer than min_inliers agree. Seeded.
+/// Where a stop should be by the steps.
 struct PredictedStop {
   Transform world_from_stop;
   Matrix6d covariance = Matrix6d::Identity();  ///< of (place in the stop's axes, turn about them)
+
+  /// Square of a pose's distance, over the covariance: chi-square of six.
+  double misfit(const Transform& true_world_from_stop) const;
 };
+
+/// Where a stop is, from places all its cameras see: P3P in one picture poses the whole rig, all
+/// sights judge it (LO-RANSAC), and the best is refined on those that agree.
+///
+/// With `predicted`, only poses within `step_gate` of it are taken. None where fewer than
+/// min_inliers agree. Seeded.
 std::optional<StopResection> resect_stop(std::span<const StopSight> sights,
                                          std::span<const Transform> stop_from_camera,
                                          const StopResectionOptions& options,

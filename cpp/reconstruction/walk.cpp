@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "reconstruction/find_stop.hpp"
+#include "reconstruction/growth.hpp"
 #include "reconstruction/observe.hpp"
 #include "reconstruction/refinement.hpp"
 #include "reconstruction/report.hpp"
@@ -14,10 +15,6 @@
 namespace pilotage {
 namespace {
 
-/// Everything is adjusted when the walk has grown by this factor.
-constexpr double adjust_growth = 1.2;
-constexpr int growing_rounds = 1;
-constexpr int final_rounds = 4;
 /// Further than a head's turn moves its cameras, and less than a crouch.
 constexpr double min_baseline_m = 0.08;
 
@@ -29,18 +26,13 @@ int posed_stops(const Stops& stops) {
 
 /// Poses stop after stop until no other can be.
 void grow(Scene& scene, Stops& stops, const ReconstructionConfig& config) {
-  std::vector<char> was_refused(stops.count(), 0);
-  int adjusted = posed_stops(stops);
-  for (;;) {
-    const bool has_grown = add_stop(scene, stops, was_refused, config).has_value();
-    const int posed = posed_stops(stops);
-    if (posed == adjusted && !has_grown) return;
-    if (has_grown && posed < std::max(adjusted + 1.0, adjust_growth * adjusted)) continue;
-    adjust_walk(scene, stops, config, growing_rounds);
-    adjusted = posed;
-    // What was refused may be posed in a better or larger model.
-    was_refused.assign(was_refused.size(), 0);
-  }
+  grow_all(
+      stops.count(),
+      [&](std::vector<char>& refused) {
+        return add_stop(scene, stops, refused, config).has_value();
+      },
+      [&] { return posed_stops(stops); },
+      [&] { adjust_all(scene, config, growing_rounds, &stops); });
 }
 
 /// Steps that the adjusted stops contradict are not believed any more. False if there are none.
@@ -105,10 +97,8 @@ StopFate fate_of(const Stops& stops, int stop) {
   }
   const auto predicted = predict_from(stops, stop, -1, stops.count());
   if (!predicted) return is_first(stops, stop) ? StopFate::placed : StopFate::found;
-  const Transform from_predicted =
-      predicted->stop.world_from_stop.inverse() * *stops.world_from_stop(stop);
-  const StepAccount steps{Transform{}, predicted->stop.covariance};
-  return steps.misfit(from_predicted) > contradiction ? StopFate::carried : StopFate::found;
+  const double misfit = predicted->stop.misfit(*stops.world_from_stop(stop));
+  return misfit > contradiction ? StopFate::carried : StopFate::found;
 }
 
 /// `length_sigma` is common to all: it lies along the way from the first stop.
@@ -151,11 +141,11 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
   WalkReconstruction result;
   if (start_walk(scene, stops, pairs, config)) {
     grow(scene, stops, config);
-    adjust_walk(scene, stops, config, final_rounds);
-    if (doubt_steps(stops)) adjust_walk(scene, stops, config, final_rounds);
+    adjust_all(scene, config, final_rounds, &stops);
+    if (doubt_steps(stops)) adjust_all(scene, config, final_rounds, &stops);
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
     refine_features(scene, set, order, team);
-    adjust_walk(scene, stops, config, final_rounds);
+    adjust_all(scene, config, final_rounds, &stops);
     // 7. Lengths by all that tells of them.
     result.lengths = length_estimates(scene, stops, config);
     if (const auto length = combined_length(result.lengths)) {

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "reconstruction/walk_growth.hpp"
 
-#include <algorithm>
-#include <limits>
-#include <numeric>
-
 #include "reconstruction/find_stop.hpp"
+#include "reconstruction/growth.hpp"
 #include "reconstruction/scene_adjustment.hpp"
 #include "reconstruction/walk_scene.hpp"
 
@@ -15,52 +12,22 @@ namespace {
 /// Stops whose poses are adjusted with a new one.
 constexpr int near_stops = 3;
 
-/// The stops that share most places with one, itself first.
-std::vector<int> neighbours(const Scene& scene, const Stops& stops, int stop) {
-  std::vector<int> shared(stops.count(), 0);
-  for (const int picture : stops.pictures_of(stop)) {
-    for (const Scene::Shown& shown : scene.shown_in(picture)) {
-      const ScenePoint& point = scene.point(shown.track);
-      if (!point.is_used[shown.slot]) continue;
-      const Track& track = scene.track(shown.track);
-      for (std::size_t k = 0; k < track.size(); ++k) {
-        shared[stops.stop_of(track[k].picture)] += point.is_used[k];
-      }
-    }
-  }
-  shared[stop] = std::numeric_limits<int>::max();
-  std::vector<int> order(stops.count());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return shared[a] > shared[b]; });
-  order.resize(std::min(near_stops, stops.count()));
-  std::erase_if(order, [&](int other) { return shared[other] == 0; });
-  return order;
-}
-
 /// Places what a new stop adds and adjusts what is near it; false if too little fits.
 bool settle(Scene& scene, Stops& stops, int stop, const ReconstructionConfig& config) {
   const std::vector<int> tracks = tracks_of(scene, stops.pictures_of(stop));
   scene.place(tracks);
-  const std::vector<int> free = neighbours(scene, stops, stop);
+  const std::vector<int> free =
+      scene.sharing_most(stops.account().stop_of_picture, stop, near_stops);
   adjust_scene(scene, pictures_of(stops, free), config, {}, &stops);
   scene.drop_outliers(tracks);
   int used = 0;
-  for (const int picture : stops.pictures_of(stop)) {
-    for (const Scene::Shown& shown : scene.shown_in(picture)) {
-      used += scene.point(shown.track).is_used[shown.slot];
-    }
-  }
+  for (const int picture : stops.pictures_of(stop)) used += scene.used_in(picture);
   return used >= config.min_pose_inliers;
 }
 
 void remove(Scene& scene, Stops& stops, int stop) {
-  for (const int picture : stops.pictures_of(stop)) {
-    for (const Scene::Shown& shown : scene.shown_in(picture)) {
-      scene.set_used(shown.track, shown.slot, false);
-    }
-  }
-  pose_stop(scene, stops, stop, std::nullopt);
-  scene.drop_outliers(tracks_of(scene, stops.pictures_of(stop)));
+  for (const int picture : stops.pictures_of(stop)) remove_picture(scene, picture);
+  stops.set_pose(stop, std::nullopt);
 }
 
 /// Steps to and from a stop that its pose and its neighbours' contradict.
@@ -105,17 +72,6 @@ std::optional<int> add_stop(Scene& scene, Stops& stops, std::vector<char>& was_r
     if (best < 0) return std::nullopt;
     if (try_stop(scene, stops, best, true, config)) return best;
     was_refused[best] = 1;
-  }
-}
-
-void adjust_walk(Scene& scene, Stops& stops, const ReconstructionConfig& config, int rounds) {
-  const std::vector<int> tracks = scene.all_tracks();
-  for (int round = 0; round < rounds; ++round) {
-    adjust_scene(scene, scene.posed_pictures(), config,
-                 {.max_iterations = 20, .relative_cost_change = 1e-5}, &stops);
-    const int dropped = scene.drop_outliers(tracks);
-    const int placed = scene.place(tracks);
-    if (dropped + placed < scene.track_count() / 1000) return;
   }
 }
 

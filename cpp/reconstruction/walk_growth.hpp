@@ -27,8 +27,4 @@ std::optional<int> add_stop(Scene& scene, Stops& stops, std::vector<char>& was_r
 bool try_stop(Scene& scene, Stops& stops, int stop, bool anywhere,
               const ReconstructionConfig& config);
 
-/// Adjusts all pictures, stops and places; takes out what does not fit and places what can be
-/// placed now, until little changes or `rounds` are over.
-void adjust_walk(Scene& scene, Stops& stops, const ReconstructionConfig& config, int rounds);
-
 }  // namespace pilotage

@@ -5,6 +5,7 @@
 #include <boost/test/unit_test.hpp>
 #include <numeric>
 
+#include "reconstruction/growth.hpp"
 #include "reconstruction/synthetic_stops.hpp"
 
 namespace pilotage {
@@ -68,11 +69,11 @@ std::vector<int> grow(const GrowingWalk& walk, Scene& scene, Stops& stops) {
     }
   }
   scene.place(scene.all_tracks());
-  adjust_walk(scene, stops, {}, 2);
+  adjust_all(scene, {}, 2, &stops);
   std::vector<char> was_refused(stop_count, 0);
   std::vector<int> order;
   while (const auto stop = add_stop(scene, stops, was_refused, {})) order.push_back(*stop);
-  adjust_walk(scene, stops, {}, 3);
+  adjust_all(scene, {}, 3, &stops);
   return order;
 }
 

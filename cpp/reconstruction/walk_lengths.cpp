@@ -31,19 +31,6 @@ WalkAccount joints_only(WalkAccount account) {
   return account;
 }
 
-/// rms distance of the cameras from their middle.
-double size_of(const Scene& scene) {
-  const std::vector<int> posed = scene.posed_pictures();
-  const double count = static_cast<double>(posed.size());
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const int k : posed) middle += scene.camera_from_world(k)->inverse().translation / count;
-  double squares = 0;
-  for (const int k : posed) {
-    squares += (scene.camera_from_world(k)->inverse().translation - middle).squaredNorm();
-  }
-  return std::sqrt(squares / count);
-}
-
 /// Standard error of the way from the first stop to the furthest, over that way.
 double sigma_of(const Scene& scene, const Stops& stops, const ReconstructionConfig& config) {
   const std::vector<Matrix6d> covariances = stop_covariances(scene, stops, config);
@@ -78,7 +65,7 @@ std::optional<LengthEstimate> by_joints(const Scene& scene, const Stops& stops,
   Scene seen = scene;
   // Lengths alone change, and the cost of all observations hardly.
   adjust_scene(seen, posed, config, {.max_iterations = 8, .relative_cost_change = 1e-8}, &alone);
-  const double factor = size_of(seen) / size_of(scene);
+  const double factor = seen.camera_spread() / scene.camera_spread();
   const double sigma = factor * sigma_of(seen, alone, config);
   if (!(sigma < max_sigma)) return std::nullopt;
   return LengthEstimate{LengthSource::joints, factor, sigma, static_cast<int>(posed.size())};

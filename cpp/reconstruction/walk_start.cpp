@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "reconstruction/growth.hpp"
 #include "reconstruction/stop_motion.hpp"
 #include "reconstruction/walk_growth.hpp"
 #include "reconstruction/walk_scene.hpp"
@@ -120,7 +121,7 @@ double begin(Scene& scene, Stops& stops, const StopPair& pair, const Transform& 
   pose_stop(scene, stops, pair.a, Transform{});
   pose_stop(scene, stops, pair.b, a_from_b);
   scene.place(tracks_of(scene, pictures_of(stops, std::array{pair.a, pair.b})));
-  adjust_walk(scene, stops, config, 2);
+  adjust_all(scene, config, 2, &stops);
   if (stops.count() == 2) return start_score(scene, stops, pair, 2);
   // Two stops have any depth; a third, where its step led, has the same.
   for (const int third : {pair.b + 1, pair.a - 1}) {
