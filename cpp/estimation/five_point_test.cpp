@@ -27,7 +27,7 @@ Sample make_sample(Random& random, const Transform& b_from_a, Scene scene) {
   Sample sample;
   const Vector3d slope = uniform_vector(random, 0.4);
   for (int i = 0; i < 5; ++i) {
-    const Vector3d ray(uniform(random, -0.7, 0.7), uniform(random, -0.5, 0.5), 1);
+    const Vector3d ray{uniform(random, -0.7, 0.7), uniform(random, -0.5, 0.5), 1};
     const double depth = scene == Scene::deep ? uniform(random, 2, 12)
                                               : 5 / (1 + slope.head<2>().dot(ray.head<2>()));
     sample.rays_a[i] = ray.normalized();

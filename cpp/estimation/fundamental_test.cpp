@@ -27,7 +27,7 @@ Matches make_matches(Random& random, int count, const Transform& b_from_a, Scene
                      double noise_px, double blunder_share) {
   Matches m;
   for (int i = 0; i < count; ++i) {
-    const Vector3d ray(uniform(random, -0.8, 0.8), uniform(random, -0.25, 0.25), 1);
+    const Vector3d ray{uniform(random, -0.8, 0.8), uniform(random, -0.25, 0.25), 1};
     const double z = scene == Scene::deep ? uniform(random, 4, 25) : 8 / (1 + 0.3 * ray.x());
     const auto noise = [&] {
       const double x = noise_px * normal(random);

@@ -34,12 +34,12 @@ Matches make_matches(Random& random, int count, const Matrix3d& b_from_a, double
                      double outlier_share) {
   Matches m;
   for (int i = 0; i < count; ++i) {
-    m.a.emplace_back(uniform(random, 0, 640), uniform(random, 0, 480));
+    m.a.push_back({uniform(random, 0, 640), uniform(random, 0, 480)});
     const Vector2d mapped = (b_from_a * m.a.back().homogeneous()).hnormalized();
     const double x = noise_px * normal(random), y = noise_px * normal(random);
     m.is_good.push_back(i >= outlier_share * count);
     m.b.push_back(m.is_good.back() ? Vector2d(mapped + Vector2d(x, y))
-                                   : Vector2d(uniform(random, 0, 640), uniform(random, 0, 480)));
+                                   : Vector2d{uniform(random, 0, 640), uniform(random, 0, 480)});
   }
   return m;
 }

@@ -15,7 +15,7 @@ BOOST_AUTO_TEST_SUITE(pose_link)
 Transform somewhere(std::mt19937& random, double rad) {
   std::normal_distribution<double> normal;
   const auto vector = [&] {
-    return Eigen::Vector3d(normal(random), normal(random), normal(random));
+    return Eigen::Vector3d{normal(random), normal(random), normal(random)};
   };
   return {rotation_exp(rad * vector()), vector()};
 }

@@ -238,19 +238,23 @@ BOOST_AUTO_TEST_CASE(noise_may_be_half_or_twice_what_was_told) {
 BOOST_AUTO_TEST_CASE(a_turn_through_a_lens_badly_known_has_no_parallax) {
   Random random(49);
   const Transform turn{rotation_exp({0.02, 0.1, -0.05}), Vector3d::Zero()};
-  for (int trial = 0; trial < 10; ++trial) {
+  int fooled = 0;
+  constexpr int trials = 30;
+  for (int trial = 0; trial < trials; ++trial) {
     Matches m = make_matches(random, 300, turn, Scene::deep, 0.1, 0.1);
     for (Vector3d& ray : m.b) {
       ray /= ray.z();
       ray.head<2>() *= 1 + 0.02 * ray.head<2>().squaredNorm();
     }
     const RelativePose pose = find_relative_pose(m.a, m.b, {});
-    BOOST_TEST((pose.geometry == TwoViewGeometry::general));
+    fooled += pose.geometry == TwoViewGeometry::general;
     BOOST_TEST(!pose.has_parallax);
     const Matches moved =
         make_matches(random, 300, {turn.rotation, Vector3d(0.3, 0, 0.05)}, Scene::deep, 0.5, 0.3);
     BOOST_TEST(find_relative_pose(moved.a, moved.b, {}).has_parallax);
   }
+  // The geometry alone is taken in by the lens nearly always (a plane explains it now and then).
+  BOOST_TEST(fooled > 0.8 * trials);
 }
 
 BOOST_AUTO_TEST_CASE(relative_pose_refuses_bad_input) {

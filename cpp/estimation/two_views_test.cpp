@@ -30,7 +30,7 @@ struct Matches {
 Matches make_matches(Random& random, int count, double noise, double blunder_share) {
   Matches m;
   for (int i = 0; i < count; ++i) {
-    const Vector3d ray(uniform(random, -0.6, 0.6), uniform(random, -0.45, 0.45), 1);
+    const Vector3d ray{uniform(random, -0.6, 0.6), uniform(random, -0.45, 0.45), 1};
     m.depths.push_back(uniform(random, 5, 40));
     const Vector3d seen = truth * Vector3d(m.depths.back() * ray);
     const double x = noise * sigma * normal(random), y = noise * sigma * normal(random);

@@ -27,7 +27,7 @@ BOOST_AUTO_TEST_CASE(covariance_is_that_of_many_trials) {
   constexpr int trials = 40000;
   Eigen::Matrix3d measured = Eigen::Matrix3d::Zero();
   for (int i = 0; i < trials; ++i) {
-    const Eigen::Vector2d noisy = left + 0.1 * Eigen::Vector2d(normal(random), normal(random));
+    const Eigen::Vector2d noisy = left + 0.1 * Eigen::Vector2d{normal(random), normal(random)};
     const auto found = intersect_stereo(stereo, noisy, right_x + 0.2 * normal(random), 0.1, 0.2);
     const Eigen::Vector3d error = found->point_in_left - point;
     measured += error * error.transpose() / trials;

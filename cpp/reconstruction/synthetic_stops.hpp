@@ -49,7 +49,7 @@ struct SyntheticStops {
   Eigen::Vector3d ray(int picture, const Eigen::Vector3d& in_stop, double noise_rad) {
     std::normal_distribution<double> noise(0, noise_rad);
     const Eigen::Vector3d p = (stop_from_camera[picture].inverse() * in_stop).normalized();
-    const Eigen::Vector3d off(noise(random), noise(random), noise(random));
+    const Eigen::Vector3d off{noise(random), noise(random), noise(random)};
     return (p + off).normalized();
   }
 };

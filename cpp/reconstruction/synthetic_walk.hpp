@@ -74,7 +74,7 @@ struct SyntheticWalk {
       const Eigen::Vector3d p = pose * points_in_world[i];
       if (p.z() < 0.5 || std::abs(p.x()) > 0.6 * p.z() || std::abs(p.y()) > 0.45 * p.z()) continue;
       const Eigen::Vector2d px = focal_px * p.head<2>() / p.z();
-      seen.ideal_px.push_back((px + Eigen::Vector2d(noise(random), noise(random))).cast<float>());
+      seen.ideal_px.push_back((px + Eigen::Vector2d{noise(random), noise(random)}).cast<float>());
       seen.sigma_px.push_back(0.5F);
       shows.push_back(static_cast<int>(i));
     }

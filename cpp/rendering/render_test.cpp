@@ -20,7 +20,7 @@ Camera make_camera(Distortion distortion) {
 
 Transform random_pose(std::mt19937& random, double spread_m) {
   std::normal_distribution<double> normal;
-  const auto draw = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+  const auto draw = [&] { return Vector3d{normal(random), normal(random), normal(random)}; };
   return {rotation_exp(draw()), spread_m * draw()};
 }
 
@@ -241,7 +241,7 @@ double nearest_triangle(const Triangles& mesh, const Vector3d& origin, const Vec
 BOOST_AUTO_TEST_CASE(of_many_triangles_the_nearest_is_seen, *boost::unit_test::label("slow")) {
   std::mt19937 random(9);
   std::normal_distribution<float> normal;
-  const auto draw = [&] { return Eigen::Vector3f(normal(random), normal(random), normal(random)); };
+  const auto draw = [&] { return Eigen::Vector3f{normal(random), normal(random), normal(random)}; };
   Triangles mesh;
   for (int i = 0; i < 300; ++i) {
     const Eigen::Vector3f middle = draw();

@@ -61,7 +61,7 @@ Errors errors_of(const Image& a, const Image& b, double dx, double dy,
       const Eigen::Vector2f p(static_cast<float>(x) + unit(random),
                               static_cast<float>(y) + unit(random));
       const Eigen::Vector2f truth = p + Eigen::Vector2d(dx, dy).cast<float>();
-      Eigen::Vector2f guess = truth + Eigen::Vector2f(unit(random), unit(random));
+      Eigen::Vector2f guess = truth + Eigen::Vector2f{unit(random), unit(random)};
       if (options.along_row_only) guess.y() = truth.y();
       const SubpixelMatch match = refine_match(a.view(), p, b.view(), guess, options);
       if (!match.ok || match.sigma_px.maxCoeff() > 0.2) continue;
