@@ -37,7 +37,7 @@ from pilotage import StopFate, Transform, _core
 from pilotage.behaviors.stop_and_go import StopPlan, record_stops
 from pilotage.behaviors.walk import PlacedWalk, place_walk
 from pilotage.behaviors.walk_account import RecordedWalk, read_walk
-from pilotage.behaviors.walk_folder import against_truth
+from pilotage.behaviors.walk_folder import against_truth, true_stops
 from pilotage.recordings import open_pictures
 from pilotage.simulation import (
     Drive,
@@ -208,16 +208,10 @@ def carried(walk: RecordedWalk, first: int, last: int) -> RecordedWalk:
 
 def wrong_stops(placed: PlacedWalk) -> int:
     """Return how many stops are answered with a place that is wrong and does not say so."""
-    truth = placed.walk.recording.truth("robot")
-    assert truth is not None
+    true = true_stops(placed.walk)
+    assert true is not None
     estimate = placed.world_from_stop
     known = [i for i in range(len(estimate)) if not np.isnan(estimate[i, 0, 0])]
-    if not known:
-        return 0
-    firsts = placed.walk.firsts
-    true = {
-        i: truth.poses[np.abs(truth.timestamps_ns - firsts[i].timestamp_ns).argmin()] for i in known
-    }
     wrong = 0
     for i in known:
         wanted = np.linalg.inv(true[known[0]]) @ true[i]

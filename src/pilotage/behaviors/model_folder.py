@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from pilotage import PictureFate, __version__
+from pilotage import PictureFate
 from pilotage.atomic_files import write_atomically, write_each
+from pilotage.behaviors.model_files import MODEL_FILES, model_summary, model_writes
 from pilotage.behaviors.reconstruct import (
     FATE_WORDS,
     NOMINAL_FOCAL_SIGMA,
@@ -26,20 +27,12 @@ from pilotage.behaviors.reconstruct import (
 from pilotage.calibration.one_camera import camera_of_view, load_camera
 from pilotage.calibration.own import camera_values
 from pilotage.errors import InputError
-from pilotage.models import Model, write_colmap_binary, write_colmap_text, write_ply, write_tum
-from pilotage.provenance import program_commit
+from pilotage.models import Model
 from pilotage.recordings.pictures import PictureError, list_pictures, read_color, read_grey
 from pilotage.recordings.times import NS_PER_S, times_in_names
 from pilotage.results import (
     CALIBRATION,
-    CLOUD,
-    CLOUD_WITH_CAMERAS,
-    COLMAP_BINARY,
-    COLMAP_TEXT,
-    CONFIG,
-    FILES,
     SUMMARY,
-    TUM,
     check_free,
     claim_folder,
     write_json,
@@ -48,8 +41,6 @@ from pilotage.results import (
 if TYPE_CHECKING:
     from pilotage import Camera, ReconstructionConfig
     from pilotage.recordings.frames import Grey
-
-MODEL_FILES = (*FILES, CLOUD_WITH_CAMERAS, f"{COLMAP_TEXT}/*.*", f"{COLMAP_BINARY}/*.*")
 
 
 def reconstruct_folder(  # noqa: PLR0913, all by name
@@ -83,7 +74,7 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     names = [file.name for file in files]
     found = solve(greys, names, camera=camera, ordered=ordered, config=config)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
-    summary = _summary(pictures, found) | {"ordered": ordered} | cost
+    summary = _summary(pictures, found, ordered=ordered) | cost
     model = coloured(found.model, {file.name: file for file in files})
     times_ns = picture_times(files)
     errors = write_each(_writes(out, model, found.camera, config, summary, times_ns))
@@ -152,23 +143,12 @@ def _focal_summary(found: Reconstructed) -> dict[str, Any]:
     }
 
 
-def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
-    posed = len(found.model.names)
-    missing = {
-        name: FATE_WORDS[fate]
-        for name, fate in zip(found.names, found.fates, strict=True)
-        if fate is not PictureFate.posed
-    }
-    result = found.result
-    return {
-        "program": "pilotage", "version": __version__, "commit": program_commit(),
-        "state": "done", "source": str(pictures.resolve()), "verdict": verdict(found),
-        "pictures": len(found.names), "posed": posed, "without_pose": missing,
-        "points": len(found.model.points_in_world), "observations": len(found.model.picture),
-        "rms_px": result.rms_px, "features": result.feature_count,
-        "matched_pairs": result.pair_count, "tracks": result.track_count, "unit": "unknown",
-        **_focal_summary(found),
-    }  # fmt: skip
+def _summary(pictures: Path, found: Reconstructed, *, ordered: bool) -> dict[str, Any]:
+    told = model_summary(
+        source=pictures, verdict=verdict(found), names=found.names, model=found.model,
+        result=found.result, unit="unknown", ordered=ordered,
+    )  # fmt: skip
+    return told | _focal_summary(found)
 
 
 def verdict(found: Reconstructed) -> str:
@@ -204,22 +184,12 @@ def _writes(  # noqa: PLR0913, PLR0917, all that is written
     times_ns: dict[str, int],
 ) -> list[Callable[[], object]]:
     text = yaml.safe_dump(camera_values(camera), sort_keys=False)
-    settings = yaml.safe_dump(config.to_dict(), sort_keys=False)
-    writes: list[Callable[[], object]] = [
+    return [
         functools.partial(write_atomically, out / CALIBRATION, text),
-        functools.partial(write_atomically, out / CONFIG, settings),
+        *model_writes(out, model, times_ns, config),
+        # Last: a summary that says "done" vouches for the rest.
+        functools.partial(write_json, out / SUMMARY, summary),
     ]
-    if model.names:
-        posed_ns = [times_ns[name] for name in model.names]
-        writes += [
-            functools.partial(write_colmap_text, out / COLMAP_TEXT, model),
-            functools.partial(write_colmap_binary, out / COLMAP_BINARY, model),
-            functools.partial(write_tum, out / TUM, model, posed_ns),
-            functools.partial(write_ply, out / CLOUD, model),
-            functools.partial(write_ply, out / CLOUD_WITH_CAMERAS, model, with_cameras=True),
-        ]
-    # Last: a summary that says "done" vouches for the rest.
-    return [*writes, functools.partial(write_json, out / SUMMARY, summary)]
 
 
 def coloured(model: Model, files: dict[str, Path]) -> Model:

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from pilotage import Transform, _core
 from pilotage.behaviors.sweep import Array, Shared, View
-from pilotage.calibration.nao_head import HEAD_Z_M
+from pilotage.calibration.nao_head import HEAD_Z_M, JOINT_SIGMA_RAD, neck_axes
 
-# Half the play of a Nao's gears, with their steps and noise: how far an angle told may be off.
-ANGLE_SIGMA_RAD = 0.002
 # How well the cameras' seats on the head are known.
 SEAT_SIGMA_M, SEAT_SIGMA_RAD = 1e-4, 1e-4
 # Where the legs' joints tell the torso to be after a crouch.
@@ -73,7 +71,7 @@ def refine_sweep(views: Sequence[View], shared: Sequence[Shared]) -> Refined:
     """Return the cameras' poses and the points that fit best what every two pictures share.
 
     Views must have their head's angles and `torso_from_camera`. The angles told are measurements
-    with `ANGLE_SIGMA_RAD` among the others; both cameras of one look turn together. Pictures taken
+    with `JOINT_SIGMA_RAD` among the others; both cameras of one look turn together. Pictures taken
     crouching see everything from another height, so they tell distances where no neighbour does.
     """
     told = [_pose_of(view) for view in views]
@@ -166,7 +164,7 @@ def _are_plausible(
     centre_a, _ = _in_stop(poses, matches.a, matches.rays_a)
     centre_b, _ = _in_stop(poses, matches.b, matches.rays_b)
     base_m = np.maximum(np.linalg.norm(centre_a - centre_b, axis=1), 1e-6)
-    slack = OUTLIER_SIGMA * (matches.sigma + (2 * ANGLE_SIGMA_RAD if loose else 0.0))
+    slack = OUTLIER_SIGMA * (matches.sigma + (2 * JOINT_SIGMA_RAD if loose else 0.0))
     beyond = slack / base_m
     return np.asarray((miss < slack) & (inverse < 1 / NEAREST_M + beyond) & (inverse > -beyond))
 
@@ -225,7 +223,7 @@ def _prior(views: Sequence[View]) -> _core.PosePrior:
     slopes = np.zeros((6 * len(views), 2 * (1 + max(look)) + 6 * max(posture)))
     for number, view in enumerate(views):
         rows = slice(6 * number, 6 * number + 6)
-        slopes[rows, 2 * look[number] : 2 * look[number] + 2] = ANGLE_SIGMA_RAD * _neck_turns(view)
+        slopes[rows, 2 * look[number] : 2 * look[number] + 2] = JOINT_SIGMA_RAD * _neck_turns(view)
         if posture[number]:
             first = 2 * (1 + max(look)) + 6 * (posture[number] - 1)
             slopes[rows, first : first + 6] = _torso_moves(view)
@@ -241,8 +239,7 @@ def _prior(views: Sequence[View]) -> _core.PosePrior:
 def _neck_turns(view: View) -> Array:
     """Return the motions (6, 2) of a camera, translation over rotation, by yaw and pitch."""
     yaw_rad = 0.0 if view.head is None else view.head.yaw_rad
-    axes = np.array([[0, 0, 1.0], [-math.sin(yaw_rad), math.cos(yaw_rad), 0]])
-    axes = axes @ view.stop_from_torso.matrix()[:3, :3].T
+    axes = neck_axes(yaw_rad) @ view.stop_from_torso.matrix()[:3, :3].T
     neck = view.stop_from_torso @ np.array([0.0, 0.0, HEAD_Z_M])
     # A turn about an axis through the neck moves the origin.
     return np.vstack([np.cross(neck, axes).T, axes.T])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilotage import Transform
-from pilotage.behaviors.stops import standing_runs
+from pilotage.behaviors.stops import YAW, standing_runs
 from pilotage.calibration.nao_head import (
     JOINT_SIGMA_RAD,
     SEAT_SIGMA_M,
@@ -27,7 +27,6 @@ from pilotage.recordings.single import PictureRecording, SinglePicture
 if TYPE_CHECKING:
     from pilotage import Camera, StepAccount, WalkAccount
 
-YAW_JOINT = "HeadYaw"
 # How much a walk of two legs errs, and the floor it walks on: metres and radians, then their growth
 # with the way (m) and the turn (rad). A tenth of the way is what the second paper's robot errs; the
 # sides of it are the simulator's (simulation/gait.py).
@@ -161,8 +160,8 @@ def _seat(picture: SinglePicture) -> Transform:
 
 def _joint_covariance(picture: SinglePicture) -> NDArray[np.float64]:
     torso_from_camera, joints = picture.torso_from_camera, picture.joints_rad
-    if torso_from_camera is not None and YAW_JOINT in joints:
-        return seat_covariance(_seat(picture), torso_from_camera, joints[YAW_JOINT])
+    if torso_from_camera is not None and YAW in joints:
+        return seat_covariance(_seat(picture), torso_from_camera, joints[YAW])
     turn_sigma = math.hypot(JOINT_SIGMA_RAD, SEAT_SIGMA_RAD)
     return np.diag([SEAT_SIGMA_M**2] * 3 + [turn_sigma**2] * 3)
 

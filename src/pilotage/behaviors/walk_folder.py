@@ -12,30 +12,21 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-import yaml
+from numpy.typing import NDArray
 
-from pilotage import PictureFate, StopFate, __version__
+from pilotage import StopFate
 from pilotage.atomic_files import write_atomically, write_each
-from pilotage.behaviors.model_folder import MODEL_FILES
-from pilotage.behaviors.reconstruct import FATE_WORDS
+from pilotage.behaviors.model_files import MODEL_FILES, model_summary, model_writes
 from pilotage.behaviors.walk import LENGTH_WORDS, PlacedWalk, place_walk, walk_config, what_became
 from pilotage.behaviors.walk_account import RecordedWalk, read_walk
 from pilotage.config import load_reconstruction_config
 from pilotage.evaluation.metrics import evaluate_trajectory
-from pilotage.models import write_colmap_binary, write_colmap_text, write_ply, write_tum
 from pilotage.pose_files import PoseRecord, tum_line
-from pilotage.provenance import program_commit
 from pilotage.recordings import open_pictures
 from pilotage.recordings.motion import nearest
 from pilotage.results import (
-    CLOUD,
-    CLOUD_WITH_CAMERAS,
-    COLMAP_BINARY,
-    COLMAP_TEXT,
-    CONFIG,
     STOPS,
     SUMMARY,
-    TUM,
     TUM_TORSO,
     WALK_PICTURES,
     check_free,
@@ -80,31 +71,19 @@ def reconstruct_recording(
 
 
 def _summary(recording: Path, placed: PlacedWalk) -> dict[str, Any]:
-    walk, model, found = placed.walk, placed.model, placed.result.model
-    missing = {
-        name: FATE_WORDS[fate]
-        for name, fate in zip(walk.names, found.fates, strict=True)
-        if fate is not PictureFate.posed
-    }
-    lines = what_became(placed.stops)
-    return {
-        "program": "pilotage", "version": __version__, "commit": program_commit(),
-        "state": "done", "source": str(recording.resolve()),
-        "verdict": "; ".join(lines) if lines else "whole",
-        "pictures": len(walk.pictures), "posed": len(model.names), "without_pose": missing,
+    walk, stops = placed.walk, placed.stops
+    told = model_summary(
+        source=recording, verdict="; ".join(what_became(stops)) or "whole", names=walk.names,
+        model=placed.model, result=placed.result.model, unit="m", ordered=True,
+    )  # fmt: skip
+    return told | {
         "moving_pictures": walk.moving, "unreadable": list(walk.bad),
-        "points": len(model.points_in_world), "observations": len(model.picture),
-        "rms_px": found.rms_px, "features": found.feature_count,
-        "matched_pairs": found.pair_count, "tracks": found.track_count, "unit": "m",
-        "ordered": True,
-        "stops": len(placed.stops),
-        "stops_placed": sum(stop.world_from_stop is not None for stop in placed.stops),
-        "stops_carried": [
-            i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.carried
-        ],
-        "stops_found": [i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.found],
-        "stops_lost": [i for i, stop in enumerate(placed.stops) if stop.fate == StopFate.lost],
-        "set_aside": [stop.set_aside for stop in placed.stops],
+        "stops": len(stops),
+        "stops_placed": sum(stop.world_from_stop is not None for stop in stops),
+        "stops_carried": [i for i, stop in enumerate(stops) if stop.fate == StopFate.carried],
+        "stops_found": [i for i, stop in enumerate(stops) if stop.fate == StopFate.found],
+        "stops_lost": [i for i, stop in enumerate(stops) if stop.fate == StopFate.lost],
+        "set_aside": [stop.set_aside for stop in stops],
         "lengths": lengths_of(placed), "truth": against_truth(placed),
     }  # fmt: skip
 
@@ -127,19 +106,30 @@ def lengths_of(placed: PlacedWalk) -> dict[str, Any]:
     }
 
 
+def true_stops(walk: RecordedWalk) -> NDArray[np.float64] | None:
+    """Return (S, 4, 4) true poses of the robot at the stops, NaN where none is told near in time.
+
+    None where the recording holds no truth.
+    """
+    truth = walk.recording.truth("robot")
+    if truth is None:
+        return None
+    poses = np.full((len(walk.firsts), 4, 4), np.nan)
+    for i, first in enumerate(walk.firsts):
+        at = nearest(truth.timestamps_ns, first.timestamp_ns, within_ns=TRUTH_WITHIN_NS)
+        if at is not None:
+            poses[i] = truth.poses[at]
+    return poses
+
+
 def against_truth(placed: PlacedWalk) -> dict[str, float] | None:
     """Return the stops' errors where the recording holds the robot's truth, else None.
 
     They begin at the first stop, as the world does; `home_m` and `home_deg` are of the last.
     """
-    truth = placed.walk.recording.truth("robot")
-    if truth is None:
+    true = true_stops(placed.walk)
+    if true is None:
         return None
-    true = np.full((len(placed.stops), 4, 4), np.nan)
-    for i, first in enumerate(placed.walk.firsts):
-        at = nearest(truth.timestamps_ns, first.timestamp_ns, within_ns=TRUTH_WITHIN_NS)
-        if at is not None:
-            true[i] = truth.poses[at]
     estimate = placed.world_from_stop
     known = np.flatnonzero(~np.isnan(estimate[:, 0, 0]) & ~np.isnan(true[:, 0, 0]))
     if len(known) < 2:
@@ -164,24 +154,15 @@ def _writes(
 ) -> list[Callable[[], object]]:
     walk, model = placed.walk, placed.model
     times_ns = [first.timestamp_ns for first in walk.firsts]
-    settings = yaml.safe_dump(config.to_dict(), sort_keys=False)
-    writes: list[Callable[[], object]] = [
-        functools.partial(write_atomically, out / CONFIG, settings),
+    of_name = {n: p.timestamp_ns for n, p in zip(walk.names, walk.pictures, strict=True)}
+    writes = model_writes(out, model, of_name, config)
+    writes += [
         functools.partial(write_atomically, out / STOPS, stops_text(placed.stops, times_ns)),
         functools.partial(write_pictures, out / WALK_PICTURES, walk),
     ]
     if model.names:
-        of_name = {n: p.timestamp_ns for n, p in zip(walk.names, walk.pictures, strict=True)}
-        posed_ns = [of_name[name] for name in model.names]
         torso = _tum(times_ns, placed.world_from_torso)
-        writes += [
-            functools.partial(write_colmap_text, out / COLMAP_TEXT, model),
-            functools.partial(write_colmap_binary, out / COLMAP_BINARY, model),
-            functools.partial(write_tum, out / TUM, model, posed_ns),
-            functools.partial(write_atomically, out / TUM_TORSO, torso),
-            functools.partial(write_ply, out / CLOUD, model),
-            functools.partial(write_ply, out / CLOUD_WITH_CAMERAS, model, with_cameras=True),
-        ]
+        writes.append(functools.partial(write_atomically, out / TUM_TORSO, torso))
     # Last: a summary that says "done" vouches for the rest.
     return [*writes, functools.partial(write_json, out / SUMMARY, summary)]
 

@@ -67,6 +67,14 @@ def head_from_camera(name: str) -> Transform:
     return seat @ Transform(quaternion_wxyz=[0.5, -0.5, 0.5, -0.5])
 
 
+def neck_axes(yaw_rad: float) -> NDArray[np.float64]:
+    """Return the axes of yaw and pitch at a yaw of the head, (2, 3), in the torso's frame.
+
+    Both go through the neck, `HEAD_Z_M` above the torso.
+    """
+    return np.array([[0.0, 0.0, 1.0], [-math.sin(yaw_rad), math.cos(yaw_rad), 0.0]])
+
+
 def seat_covariance(
     robot_from_camera: Transform, torso_from_camera: Transform, yaw_rad: float
 ) -> NDArray[np.float64]:
@@ -78,8 +86,8 @@ def seat_covariance(
     from_neck = np.array(torso_from_camera.translation_m) - [0.0, 0.0, HEAD_Z_M]
     to_camera = robot_from_camera.matrix()[:3, :3].T
     covariance = np.diag([SEAT_SIGMA_M**2] * 3 + [SEAT_SIGMA_RAD**2] * 3)
-    for axis in ((0.0, 0.0, 1.0), (-math.sin(yaw_rad), math.cos(yaw_rad), 0.0)):
-        moved = np.concatenate([np.cross(axis, from_neck), to_camera @ np.array(axis)])
+    for axis in neck_axes(yaw_rad):
+        moved = np.concatenate([np.cross(axis, from_neck), to_camera @ axis])
         covariance += JOINT_SIGMA_RAD**2 * np.outer(moved, moved)
     return covariance
 
