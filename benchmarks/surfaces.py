@@ -78,7 +78,7 @@ def ground_view(kind: str, pixel_m: float) -> View:
         ]
         pose[:3, 3] = pose[:3, :3] @ [-dx * pixel_m, -dy * pixel_m, -focal_px * pixel_m]
         pose[:2, 3] += 3.0, 2.0
-        seen = _core.render(scene, rays, world_from_camera=Transform.from_matrix(pose))
+        seen = _core.render(scene, rays, Transform.from_matrix(pose))
         return np.asarray(seen["radiance"])
 
     return view

@@ -75,14 +75,11 @@ void set_light(Scene& scene, const std::array<double, 3>& to_sun, float sun, flo
   }
 }
 
-nb::dict render_view(const Scene& scene, const CameraRays& camera,
-                     const RowExposure& world_from_camera,
-                     const std::optional<RowExposure>& world_from_camera_last, int channels,
-                     int threads, int edge_samples, bool with_depth) {
+nb::dict render_view(const Scene& scene, const CameraRays& camera, const ShutterPoses& poses,
+                     int channels, int threads, int edge_samples, bool with_depth) {
   Radiance seen;
   {
     nb::gil_scoped_release unlocked;
-    const ShutterPoses poses{world_from_camera, world_from_camera_last.value_or(world_from_camera)};
     seen = render(scene, camera, poses, channels, {threads, edge_samples, with_depth});
   }
   const std::vector<std::size_t> size{static_cast<std::size_t>(seen.height),
@@ -95,6 +92,12 @@ nb::dict render_view(const Scene& scene, const CameraRays& camera,
   result["depth_m"] = nb::cast(move_to_numpy<float>(std::move(seen.depth_m), size));
   result["shape"] = nb::cast(move_to_numpy<std::int32_t>(std::move(seen.shape), size));
   return result;
+}
+
+void open_shutter(ShutterPoses* made, const RowExposure& first,
+                  const std::optional<RowExposure>& last, double exposed_share,
+                  std::vector<ShapeMotion> moving) {
+  new (made) ShutterPoses{first, last.value_or(first), exposed_share, std::move(moving)};
 }
 
 using Light = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
@@ -172,7 +175,6 @@ void bind_scene(nb::module_& m) {
            "Sizes as MuJoCo's geom; data: which height field or mesh; texture_scale: repeats of a "
            "texture over the shape (a metre of height fields, endless planes and meshes without "
            "places), of a cube's the scale of the directions. Throws ValueError.")
-      .def("set_pose", &Scene::set_pose, "shape"_a, "world_from_shape"_a)
       .def(
           "set_light", &set_light, nb::kw_only(), "to_sun"_a, "sun"_a, "sky"_a, "background"_a,
           "sky_slope"_a = 0.4f, "lamps"_a = std::vector<std::pair<std::array<double, 3>, float>>{},
@@ -192,14 +194,24 @@ void bind_rendering(nb::module_& m) {
       .def(nb::init_implicit<const Transform&>(), "world_from_camera"_a, "It stood still.")
       .def(nb::init<const Transform&, const Transform&, const Transform&>(), nb::kw_only(),
            "begin"_a, "middle"_a, "end"_a, "world_from_camera; it moves evenly.");
-  m.def("render", &render_view, "scene"_a, "camera"_a, nb::kw_only(), "world_from_camera"_a,
-        "world_from_camera_last"_a = nb::none(), "channels"_a = 1, "threads"_a = 1,
-        "edge_samples"_a = 32, "with_depth"_a = true,
+  nb::class_<ShapeMotion>(m, "ShapeMotion", "Where a shape is while the shutter is open.")
+      .def(nb::init<int, const Transform&, const Transform&>(), "shape"_a, nb::kw_only(), "begin"_a,
+           "end"_a,
+           "world_from_shape when the first row's exposure begins and when the last row's ends; it "
+           "moves evenly.");
+  nb::class_<ShutterPoses>(m, "ShutterPoses", "What happens while the shutter is open.")
+      .def(nb::init_implicit<const Transform&>(), "world_from_camera"_a, "All stand still.")
+      .def(
+          "__init__", &open_shutter, nb::kw_only(), "first"_a, "last"_a = nb::none(),
+          "exposed_share"_a = 1.0, "moving"_a = std::vector<ShapeMotion>{},
+          "Where the camera is while the first and the last row are exposed, the same for a global "
+          "shutter; for which part of the time between the first's begin and the last's end a row "
+          "is exposed; what moves meanwhile.");
+  m.def("render", &render_view, "scene"_a, "camera"_a, "poses"_a, nb::kw_only(), "channels"_a = 1,
+        "threads"_a = 1, "edge_samples"_a = 32, "with_depth"_a = true,
         "Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and "
-        "shape (H, W), -1 there. world_from_camera: where the camera is while the first row is "
-        "exposed; world_from_camera_last: the last; the same for a global shutter. radiance is the "
-        "mean over the exposure, depth_m and shape are of its middle, and left out without "
-        "with_depth.");
+        "shape (H, W), -1 there. radiance is the mean over the exposure, depth_m and shape are of "
+        "its middle, and left out without with_depth. Throws ValueError.");
   m.def("expose", &expose_light, "light"_a, "sensitivity"_a, nb::kw_only(), "grey"_a,
         "read_noise"_a, "shot_noise2"_a, "seed"_a,
         "Return the uint8 picture of `light` times `sensitivity` (float32 of one shape). grey: "

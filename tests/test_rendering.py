@@ -66,9 +66,7 @@ def corner_errors(
 ) -> Array:
     """Return (N, 2) found less projected corners, pixels."""
     if radiance is None:
-        seen = _core.render(
-            scene, _core.CameraRays(camera), world_from_camera=Transform.from_matrix(pose)
-        )
+        seen = _core.render(scene, _core.CameraRays(camera), Transform.from_matrix(pose))
         radiance = seen["radiance"]
     # A lens as sharp as its pixels: without one, steps between pixels are what is measured.
     sharp = cv2.GaussianBlur(radiance, (0, 0), 0.7)
@@ -107,7 +105,7 @@ def test_motion_blur_leaves_corners_where_they_are_in_the_middle_of_the_exposure
             middle=Transform.from_matrix(pose),
             end=Transform.from_matrix(end),
         )
-        seen = _core.render(scene, rays, world_from_camera=exposure)
+        seen = _core.render(scene, rays, _core.ShutterPoses(first=exposure))
         errors.append(corner_errors(scene, camera, pose, seen["radiance"]))
     together = np.concatenate(errors)
     assert len(together) > 600
@@ -147,9 +145,7 @@ def test_the_ground_does_not_repeat():
     camera = Camera(width_px=640, height_px=480, fx_px=400, fy_px=400, cx_px=319.5, cy_px=239.5)
     above = np.diag([1.0, -1.0, -1.0, 1.0])
     above[2, 3] = 0.8  # 1.28 m across, 2 mm a pixel
-    seen = _core.render(
-        scene, _core.CameraRays(camera), world_from_camera=Transform.from_matrix(above)
-    )["radiance"]
+    seen = _core.render(scene, _core.CameraRays(camera), Transform.from_matrix(above))["radiance"]
     for y, x in ((230, 310), (100, 100), (300, 500), (400, 50), (50, 400)):
         patch = seen[y : y + 21, x : x + 21]
         scores = cv2.matchTemplate(seen, patch, cv2.TM_CCOEFF_NORMED)
@@ -171,6 +167,14 @@ def test_bad_scenes_are_refused():
         scene.set_light(to_sun=[0, 0, 0], sun=1, sky=0, background=0)
     camera = _core.CameraRays(make_camera("none"))
     with pytest.raises(ValueError, match="edge_samples = 5"):
-        _core.render(scene, camera, world_from_camera=Transform(), edge_samples=5)
+        _core.render(scene, camera, Transform(), edge_samples=5)
     with pytest.raises(ValueError, match="channels = 2"):
-        _core.render(scene, camera, world_from_camera=Transform(), channels=2)
+        _core.render(scene, camera, Transform(), channels=2)
+    row = _core.RowExposure(Transform())
+    moved = _core.ShapeMotion(0, begin=Transform(), end=Transform())
+    of_none = _core.ShutterPoses(first=row, moving=[moved])
+    with pytest.raises(ValueError, match="shape = 0: the scene has 0"):
+        _core.render(scene, camera, of_none)
+    too_long = _core.ShutterPoses(first=row, exposed_share=1.5)
+    with pytest.raises(ValueError, match=r"exposed_share = 1.5"):
+        _core.render(scene, camera, too_long)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from program import call
 
-from pilotage import _core
 from pilotage.behaviors.recorder import Moment
 from pilotage.cli import live
 from pilotage.cli.live import LineView
@@ -158,8 +157,7 @@ def test_every_world_can_be_seen(world: str):
     simulation = Simulation(load_world(world, seed=1), "rover")
     rays = camera_rays(robot_model("rover").stereo_rig(simulation, "front", 160).left)
     pictures = Pictures(simulation)
-    row = _core.RowExposure(simulation.camera_pose("front_left"))
-    seen = pictures.radiance(rays, row, row, channels=3)
+    seen = pictures.radiance(rays, simulation.camera_pose("front_left"), channels=3)
     assert seen.shape == (120, 160, 3)
     assert np.isfinite(seen).all()
     assert seen.min() > 0

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pilotage import Camera, _core
+from pilotage import Camera
 from pilotage.errors import InputError
 from pilotage.simulation import Simulation, load_world
 from pilotage.simulation.pictures import Pictures, camera_rays
@@ -65,8 +65,7 @@ def look(world: World, channels: int = 3) -> tuple[Simulation, Array, Array]:
             cy_px=(HEIGHT - 1) / 2,
         )
     )
-    row = _core.RowExposure(simulation.camera_pose("eye", 0))
-    seen = pictures.radiance(rays, row, row, channels=channels)
+    seen = pictures.radiance(rays, simulation.camera_pose("eye", 0), channels=channels)
     return simulation, seen, pictures.depth_m("eye", rays, at_ns=0)
 
 

@@ -19,6 +19,8 @@ struct PixelRays {
   Rays rays;
   Vectors per_x, per_y;
   Rays over_time;
+  Floats time{};      ///< of the time that the shutter is open, from its middle: -0.5 to 0.5
+  float exposed = 1;  ///< the part of that time for which a pixel is exposed
   bool moves = false;
   int most_probes = most_still_probes;  ///< of a texture, at one moment
 };
@@ -64,6 +66,12 @@ struct Shading {
   std::vector<Chosen> lamps;
 };
 
+/// Surface that light falls on: places and normals in the world, and when.
+struct Lit {
+  Vectors point, normal;
+  Floats time;
+};
+
 /// A lamp as one view sees it.
 struct PlacedLamp {
   float position[3];
@@ -73,11 +81,18 @@ struct PlacedLamp {
 /// Casts rays into what one view sees.
 class Caster {
  public:
-  /// No ray starts further than `slack_m` from the view's centre.
-  Caster(const Scene& scene, const Eigen::Vector3d& centre, float slack_m, int channels)
-      : scene_(scene), channels_(channels) {
-    for (int i = 0; i < static_cast<int>(scene.shapes().size()); ++i) {
-      placed_.push_back(place(scene, i, centre));
+  /// No ray starts further than `slack_m` from `centre`, the view's.
+  Caster(const Scene& scene, const std::vector<ShapeMotion>& moving, const Eigen::Vector3d& centre,
+         float slack_m, int channels)
+      : scene_(scene), channels_(channels), slack_m_(slack_m) {
+    std::vector<ShapeMotion> motions;
+    for (const Shape& shape : scene.shapes()) {
+      const auto number = static_cast<int>(motions.size());
+      motions.push_back({number, shape.world_from_shape, shape.world_from_shape});
+    }
+    for (const ShapeMotion& motion : moving) motions[motion.shape] = motion;
+    for (const ShapeMotion& motion : motions) {
+      placed_.push_back(place(scene, motion, centre));
       seen_.push_back(cone_about(placed_.back(), slack_m));
     }
     for (const Material& material : scene.materials()) {
@@ -92,10 +107,16 @@ class Caster {
   }
 
   Chosen in_cone(const Cone& rays) const;
+  /// By what angle at most shapes, seen from the view's centre, move while the shutter is open.
+  float most_moved_rad(const Chosen& candidates) const;
+  /// How far at most shapes that may stand before the lights move meanwhile.
+  float most_moved_m(const Shading& shading) const;
   /// What is hit first, and how far away, by rays that meet nothing but `candidates`.
   void find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const;
   /// Lets `shading` hold what was hit by so many groups of rays, and more than it held.
   void widen(const PixelRays* rays, int groups, const Seen* seen, Shading& shading) const;
+  /// How the origins of the rays move over the exposure, as what they have met sees it.
+  Vectors way_past(const PixelRays& pixels, const Seen& seen) const;
   /// How what was found looks, in the shadow of nothing but `shading`, which holds it.
   void shade(const PixelRays& pixels, const Chosen& candidates, const Shading& shading,
              SurfaceReader& surfaces, Seen& seen) const;
@@ -106,15 +127,14 @@ class Caster {
   Chosen between_lamp(const Sphere& lit, const PlacedLamp& lamp) const;
   void shade_shape(const PixelRays& pixels, const PlacedShape& shape, const Ints& mask,
                    const Shading& shading, SurfaceReader& surfaces, Seen& seen) const;
-  Floats sun_and_sky(const Vectors& point, const Vectors& normal, const Ints& mask,
-                     const Shading& shading, Ints& dark) const;
-  Floats lamp_light(const Vectors& point, const Vectors& normal, const Ints& mask,
-                    const Shading& shading, Ints& dark) const;
-  Ints in_shadow(const Rays& from_surface, const Vectors& normal, const Ints& mask,
-                 const Chosen& shading, const Floats& furthest) const;
+  Floats sun_and_sky(const Lit& lit, const Ints& mask, const Shading& shading, Ints& dark) const;
+  Floats lamp_light(const Lit& lit, const Ints& mask, const Shading& shading, Ints& dark) const;
+  Ints in_shadow(const Lit& lit, const Vectors& to_light, const Ints& mask, const Chosen& shading,
+                 const Floats& furthest) const;
 
   const Scene& scene_;
   int channels_;
+  float slack_m_;
   Placed placed_;
   std::vector<SeenShape> seen_;
   std::vector<MaterialDetail> details_;
@@ -210,13 +230,47 @@ inline Chosen Caster::between_lamp(const Sphere& lit, const PlacedLamp& lamp) co
   return chosen;
 }
 
+inline float Caster::most_moved_rad(const Chosen& candidates) const {
+  float most = 0;
+  for (const int i : candidates) {
+    const PlacedShape& s = placed_[i];
+    if (!s.moves) continue;
+    const float away = std::hypot(s.centre[0], s.centre[1], s.centre[2]) - s.radius - slack_m_;
+    most = std::max(most, s.moved_m / std::max(away, nearest_m));
+  }
+  return most;
+}
+
+inline float Caster::most_moved_m(const Shading& shading) const {
+  float most = 0;
+  for (const int i : shading.sun) most = std::max(most, placed_[i].moved_m);
+  for (const Chosen& before_lamp : shading.lamps) {
+    for (const int i : before_lamp) most = std::max(most, placed_[i].moved_m);
+  }
+  return most;
+}
+
 inline void Caster::find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const {
   for (const int i : candidates) {
-    const Floats distance = intersect(placed_[i], pixels.rays, nearest_m);
+    const Floats distance = intersect(placed_[i], pixels.rays, pixels.time, nearest_m);
     const Ints is_nearer = distance < seen.distance;
     seen.distance = is_nearer ? distance : seen.distance;
     seen.shape = is_nearer ? Ints{} + i : seen.shape;
   }
+}
+
+inline Vectors Caster::way_past(const PixelRays& pixels, const Seen& seen) const {
+  Vectors way = pixels.over_time.origin;
+  for (const PlacedShape& shape : placed_) {
+    const Ints mask = seen.shape == shape.index;
+    if (!shape.moves || !any(mask)) continue;
+    const Rays local = in_shape(shape, pixels.rays, pixels.time);
+    const Vectors point = local.origin + seen.distance * local.direction;
+    const Vectors moved = splat(pixels.exposed) * to_world(shape, way_of(shape, point));
+    way = {mask ? way.x - moved.x : way.x, mask ? way.y - moved.y : way.y,
+           mask ? way.z - moved.z : way.z};
+  }
+  return way;
 }
 
 inline void Caster::shade(const PixelRays& pixels, const Chosen& candidates, const Shading& shading,
@@ -249,22 +303,25 @@ struct HitMotion {
   Vectors by_x, by_y, by_time;
 };
 
-inline HitMotion hit_motion(const PixelRays& pixels, const PlacedShape& shape,
+inline HitMotion hit_motion(const PixelRays& pixels, const PlacedShape& shape, const Rays& local,
                             const SurfacePoint& at, const Floats& distance) {
-  const Vectors direction = to_shape(shape, pixels.rays.direction);
-  const Floats facing = dot(direction, at.normal);
+  const Floats facing = dot(local.direction, at.normal);
   const Floats grazing =
       facing < 0.0f ? min(facing, splat(-most_grazing)) : max(facing, splat(most_grazing));
-  const auto moved = [&](const Vectors& change) {
+  const auto turned = [&](const Vectors& change) {
     const Vectors e = to_shape(shape, change);
+    return shape.moves ? turned_back(shape, pixels.time, e) : e;
+  };
+  const auto on_surface = [&](const Vectors& e) {
     const Floats along = dot(e, at.normal) / grazing;
-    return e - along * direction;
+    return e - along * local.direction;
   };
   HitMotion motion{};
-  motion.by_x = distance * moved(pixels.per_x);
-  motion.by_y = distance * moved(pixels.per_y);
+  motion.by_x = distance * on_surface(turned(pixels.per_x));
+  motion.by_y = distance * on_surface(turned(pixels.per_y));
   if (pixels.moves) {
-    motion.by_time = moved(pixels.over_time.origin + distance * pixels.over_time.direction);
+    const Vectors way = turned(pixels.over_time.origin + distance * pixels.over_time.direction);
+    motion.by_time = on_surface(way - splat(pixels.exposed) * way_of(shape, at.point));
   }
   return motion;
 }
@@ -284,10 +341,13 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
                                 const Shading& shading, SurfaceReader& surfaces, Seen& seen) const {
   const int typical = typical_lane(mask);
   const Floats distance = mask ? seen.distance : splat(seen.distance[typical]);
-  const SurfacePoint at = surface_at(shape, pixels.rays, distance);
+  const Rays local = in_shape(shape, pixels.rays, pixels.time);
+  const SurfacePoint at = surface_at(shape, local, distance);
   const Material& material = scene_.materials()[shape.material];
   HitMotion motion{};
-  if (!material.layers.empty() || shape.texture) motion = hit_motion(pixels, shape, at, distance);
+  if (!material.layers.empty() || shape.texture) {
+    motion = hit_motion(pixels, shape, local, at, distance);
+  }
   const Ints square = checker_square(material, at.u, at.v);
   Floats albedo = plain_albedo(material, square);
   if (!material.layers.empty()) {
@@ -296,15 +356,14 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
     albedo += layers_at(surfaces, shape.material, detail, at.u, at.v, probes);
     albedo = max(splat(0.01f), min(splat(1), albedo));
   }
-  const Vectors normal = to_world(shape, at.normal);
-  const Vectors point = pixels.rays.origin + distance * pixels.rays.direction;
+  const Lit lit{pixels.rays.origin + distance * pixels.rays.direction, to_world(shape, at.normal),
+                pixels.time};
   Ints dark{};
-  const Floats light = sun_and_sky(point, normal, mask, shading, dark) +
-                       lamp_light(point, normal, mask, shading, dark);
+  const Floats light = sun_and_sky(lit, mask, shading, dark) + lamp_light(lit, mask, shading, dark);
   Floats tints[3];
   if (shape.texture) {
-    read_texture(shape, pixels.rays, distance, at, motion.by_x, motion.by_y, mask,
-                 pixels.most_probes, tints);
+    read_texture(shape, local, distance, at, motion.by_x, motion.by_y, mask, pixels.most_probes,
+                 tints);
   }
   tint(material.colour, channels_, shape.texture != nullptr, tints);
   for (int c = 0; c < channels_; ++c) {
@@ -314,36 +373,34 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
 }
 
 /// Light of sun and sky on a white surface; marks what lies in the sun's shadow.
-PILOTAGE_INLINE Floats Caster::sun_and_sky(const Vectors& point, const Vectors& normal,
-                                           const Ints& mask, const Shading& shading,
+PILOTAGE_INLINE Floats Caster::sun_and_sky(const Lit& lit, const Ints& mask, const Shading& shading,
                                            Ints& dark) const {
   const Vectors to_sun{splat(to_sun_[0]), splat(to_sun_[1]), splat(to_sun_[2])};
-  const Floats toward = dot(normal, to_sun);
-  const Ints lit = mask & (toward > 0.0f);
+  const Floats toward = dot(lit.normal, to_sun);
+  const Ints faces = mask & (toward > 0.0f);
   const Ints is_dark =
-      (toward <= 0.0f) | in_shadow({point, to_sun}, normal, lit, shading.sun, splat(infinity));
+      (toward <= 0.0f) | in_shadow(lit, to_sun, faces, shading.sun, splat(infinity));
   dark = is_dark & 1;
   const Floats sun = is_dark ? splat(0) : scene_.light.sun * toward;
   // What faces down has the light that the ground throws back.
   const float slope = scene_.light.sky_slope;
-  return sun + scene_.light.sky * (1 - slope + slope * normal.z);
+  return sun + scene_.light.sky * (1 - slope + slope * lit.normal.z);
 }
 
 /// Light of the lamps on a white surface; marks which of them do not reach it.
-PILOTAGE_INLINE Floats Caster::lamp_light(const Vectors& point, const Vectors& normal,
-                                          const Ints& mask, const Shading& shading,
+PILOTAGE_INLINE Floats Caster::lamp_light(const Lit& lit, const Ints& mask, const Shading& shading,
                                           Ints& dark) const {
   Floats light = splat(0);
   for (std::size_t i = 0; i < lamps_.size(); ++i) {
     const PlacedLamp& lamp = lamps_[i];
-    const Vectors way{lamp.position[0] - point.x, lamp.position[1] - point.y,
-                      lamp.position[2] - point.z};
+    const Vectors way{lamp.position[0] - lit.point.x, lamp.position[1] - lit.point.y,
+                      lamp.position[2] - lit.point.z};
     const Floats away2 = max(dot(way, way), splat(1e-4f)), away = sqrt(away2);
     const Vectors to_lamp{way.x / away, way.y / away, way.z / away};
-    const Floats toward = dot(normal, to_lamp);
-    const Ints lit = mask & (toward > 0.0f);
-    const Ints is_dark = (toward <= 0.0f) |
-                         in_shadow({point, to_lamp}, normal, lit, shading.lamps[i], away - lamp_m);
+    const Floats toward = dot(lit.normal, to_lamp);
+    const Ints faces = mask & (toward > 0.0f);
+    const Ints is_dark =
+        (toward <= 0.0f) | in_shadow(lit, to_lamp, faces, shading.lamps[i], away - lamp_m);
     dark += is_dark & (2 << std::min<int>(static_cast<int>(i), marked_lamps - 1));
     light += is_dark ? splat(0) : lamp.power * toward / away2;
   }
@@ -351,14 +408,13 @@ PILOTAGE_INLINE Floats Caster::lamp_light(const Vectors& point, const Vectors& n
 }
 
 /// Which rays meet something that is nearer than `furthest`.
-PILOTAGE_INLINE Ints Caster::in_shadow(const Rays& from_surface, const Vectors& normal,
-                                       const Ints& mask, const Chosen& shading,
-                                       const Floats& furthest) const {
+PILOTAGE_INLINE Ints Caster::in_shadow(const Lit& lit, const Vectors& to_light, const Ints& mask,
+                                       const Chosen& shading, const Floats& furthest) const {
   Ints shaded = Ints{};
   if (shading.empty() || !any(mask)) return shaded;
-  const Rays rays{from_surface.origin + splat(lift_m) * normal, from_surface.direction};
+  const Rays rays{lit.point + splat(lift_m) * lit.normal, to_light};
   for (const int i : shading) {
-    shaded |= intersect(placed_[i], rays, nearest_m) < furthest;
+    shaded |= intersect(placed_[i], rays, lit.time, nearest_m) < furthest;
     if (!any(mask & ~shaded)) break;
   }
   return shaded;

@@ -16,10 +16,16 @@ static_assert(count == group_of_rays);
 /// Where the rays of a row start, relative to the view's centre, and the turn of its camera, in the
 /// middle of the exposure; and how both change from its begin to its end.
 struct RowPose {
+  float time;  ///< of that middle: of the time that the shutter is open, from its own middle
   Eigen::Matrix3f world_from_camera;
   Eigen::Vector3f origin;
   Eigen::Matrix3f turn_over_time;
   Eigen::Vector3f origin_over_time;
+};
+
+/// How far what a tile sees moves over the exposure, at most, pixels: in all, and by itself.
+struct Moved {
+  float px = 0, by_itself_px = 0;
 };
 
 /// The rays of a camera's pixels while they are exposed, relative to the place of the first row.
@@ -33,8 +39,10 @@ class ExposedRays {
   void fill_within(const PixelRays& group, int sixteen, PixelRays& within) const;
   /// The cone of all rays of a tile of rows from `top` on, over the whole exposure.
   Cone cone_of(const PixelRays* rays, int rows, int top) const;
-  /// How far at most, in pixels, what such a tile sees moves over the exposure.
-  float most_moved_px(const PixelRays* rays, int rows, int top, const Seen* seen) const;
+  /// How far at most, in pixels, what such a tile sees moves over the exposure, by the camera's
+  /// motion and by its own: shapes move by angles, shadows of others by metres.
+  Moved most_moved_px(const PixelRays* rays, int rows, int top, const Seen* seen, float shapes_rad,
+                      float shadows_m) const;
   /// The camera's z in the middle of a row's exposure.
   Eigen::Vector3f ahead(int row) const { return rows_[row].world_from_camera.col(2); }
   /// No ray starts further from the view's centre.
@@ -46,6 +54,7 @@ class ExposedRays {
   void spread_samples(int count_of_all);
 
   const CameraRays& camera_;
+  double exposed_;  ///< for which part of the time that the shutter is open a row is exposed
   float furthest_start_m_;
   std::vector<RowPose> rows_;
   std::vector<float> within_x_, within_y_;  ///< samples of a pixel, from its middle
@@ -54,7 +63,7 @@ class ExposedRays {
 
 inline ExposedRays::ExposedRays(const CameraRays& camera, const ShutterPoses& poses,
                                 int edge_samples)
-    : camera_(camera), furthest_start_m_(furthest_start(poses)) {
+    : camera_(camera), exposed_(poses.exposed_share), furthest_start_m_(furthest_start(poses)) {
   pose_rows(poses);
   spread_samples(edge_samples);
 }
@@ -82,7 +91,8 @@ inline void ExposedRays::pose_rows(const ShutterPoses& poses) {
   const int last_row = std::max(camera_.height() - 1, 1);
   for (int row = 0; row < camera_.height(); ++row) {
     const double part = static_cast<double>(row) / last_row;
-    rows_.push_back({first.rotation.slerp(part, last.rotation).toRotationMatrix().cast<float>(),
+    rows_.push_back({static_cast<float>((part - 0.5) * (1 - exposed_)),
+                     first.rotation.slerp(part, last.rotation).toRotationMatrix().cast<float>(),
                      (part * (last.translation - first.translation)).cast<float>(),
                      ((1 - part) * turns[0] + part * turns[1]).cast<float>(),
                      ((1 - part) * ways[0] + part * ways[1]).cast<float>()});
@@ -143,16 +153,19 @@ inline void ExposedRays::fill(int column, int row, PixelRays& pixels) const {
                            between(direction.y, before.y, after.y),
                            between(direction.z, before.z, after.z)};
   };
+  pixels.time = splat(pose.time);
+  pixels.exposed = static_cast<float>(exposed_);
   pixels.rays = {splats(pose.origin), turned(pose.world_from_camera, direction)};
   pixels.over_time = {splats(pose.origin_over_time), turned(pose.turn_over_time, direction)};
   pixels.per_x = turned(pose.world_from_camera, change(from(-1, 0), from(1, 0)));
   pixels.per_y = turned(pose.world_from_camera, change(from(0, -1), from(0, 1)));
 }
 
-/// A group's rays at another time of the exposure, -0.5 to 0.5.
-PILOTAGE_INLINE Rays at_time(const Floats& time, const PixelRays& pixels) {
-  return {pixels.rays.origin + time * pixels.over_time.origin,
-          pixels.rays.direction + time * pixels.over_time.direction};
+/// Moves a group's rays to another time of their exposure, -0.5 to 0.5.
+PILOTAGE_INLINE void move_to(const Floats& time, PixelRays& pixels) {
+  pixels.rays = {pixels.rays.origin + time * pixels.over_time.origin,
+                 pixels.rays.direction + time * pixels.over_time.direction};
+  pixels.time += pixels.exposed * time;
 }
 
 inline void ExposedRays::fill_within(const PixelRays& group, int sixteen, PixelRays& within) const {
@@ -164,7 +177,9 @@ inline void ExposedRays::fill_within(const PixelRays& group, int sixteen, PixelR
   within.rays.origin = first(group.rays.origin);
   within.rays.direction = first(group.rays.direction) + (dx * per_x + dy * per_y);
   within.over_time = {first(group.over_time.origin), first(group.over_time.direction)};
-  if (group.moves) within.rays = at_time(load(&within_time_[sixteen * count]), within);
+  within.time = group.time;
+  within.exposed = group.exposed;
+  if (group.moves) move_to(load(&within_time_[sixteen * count]), within);
   const Floats smaller = splat(1 / std::sqrt(static_cast<float>(within_x_.size())));
   within.per_x = smaller * per_x;
   within.per_y = smaller * per_y;
@@ -190,8 +205,8 @@ inline Cone ExposedRays::cone_of(const PixelRays* rays, int rows, int top) const
   return cone;
 }
 
-inline float ExposedRays::most_moved_px(const PixelRays* rays, int rows, int top,
-                                        const Seen* seen) const {
+inline Moved ExposedRays::most_moved_px(const PixelRays* rays, int rows, int top, const Seen* seen,
+                                        float shapes_rad, float shadows_m) const {
   Floats nearest = splat(infinity), finest = splat(infinity);
   for (int r = 0; r < rows; ++r) {
     nearest = min(seen[r].distance, nearest);
@@ -200,9 +215,12 @@ inline float ExposedRays::most_moved_px(const PixelRays* rays, int rows, int top
   }
   const RowPose& pose = rows_[top + rows / 2];
   // A turn's matrix changes by the root of two times its angle.
-  const float moved_rad = 0.7072f * pose.turn_over_time.norm() +
-                          pose.origin_over_time.norm() / std::max(least(nearest), nearest_m);
-  return moved_rad / std::sqrt(std::max(least(finest), 1e-12f));
+  const float away_m = std::max(least(nearest), nearest_m);
+  const float camera_rad =
+      0.7072f * pose.turn_over_time.norm() + pose.origin_over_time.norm() / away_m;
+  const float things_rad = static_cast<float>(exposed_) * (shapes_rad + shadows_m / away_m);
+  const float pixel_rad = std::sqrt(std::max(least(finest), 1e-12f));
+  return {(camera_rad + things_rad) / pixel_rad, things_rad / pixel_rad};
 }
 
 }  // namespace pilotage::PILOTAGE_ARCH

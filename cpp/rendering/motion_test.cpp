@@ -104,9 +104,9 @@ BOOST_AUTO_TEST_CASE(what_lies_beyond_the_border_changes_no_pixel_before_it) {
   Camera wider = camera, higher = camera;
   wider.width_px = 208;
   higher.height_px = 160;
-  const Radiance seen = look(scene, {Transform(), Transform()});
+  const Radiance seen = look(scene, Transform());
   for (const Camera& other : {wider, higher}) {
-    const Radiance more = render(scene, CameraRays(other), {Transform(), Transform()}, 1, {1, 64});
+    const Radiance more = render(scene, CameraRays(other), Transform(), 1, {1, 64});
     // Whether the outermost pixels lie on an edge, the larger picture knows better.
     int differing = 0;
     for (int row = 0; row + 1 < seen.height; ++row) {
@@ -146,6 +146,101 @@ BOOST_AUTO_TEST_CASE(what_comes_in_from_beyond_the_border_is_seen_as_long_as_it_
     const float value = seen.values[70 * camera.width_px + camera.width_px - 1 - inside];
     BOOST_CHECK_SMALL(value - (0.5F - share * 0.25F), 2.0F / 16 * 0.25F);
   }
+}
+
+BOOST_AUTO_TEST_CASE(a_scene_that_moves_is_one_from_which_the_camera_moves) {
+  const Scene scene = make_scene();
+  const Motion aside{Vector3d::Zero(), {0.03, 0.01, 0.05}};
+  // A global shutter, and rows that are exposed one after another.
+  for (const double late : {0.0, 0.7}) {
+    const Radiance by_camera = look(scene, {aside.around(-late), aside.around(late)});
+    std::vector<ShapeMotion> moving;
+    for (const Shape& shape : scene.shapes()) {
+      const auto back = [&](double time) {
+        return aside.at(time).inverse() * shape.world_from_shape;
+      };
+      const int number = static_cast<int>(moving.size());
+      moving.emplace_back(number, back(-late - 0.5), back(late + 0.5));
+    }
+    const ShutterPoses poses{Transform(), Transform(), 1 / (1 + 2 * late), moving};
+    const Radiance by_scene = look(scene, poses);
+    double square = 0;
+    for (std::size_t i = 0; i < by_scene.values.size(); ++i) {
+      square += std::pow(by_scene.values[i] - by_camera.values[i], 2);
+    }
+    BOOST_CHECK_LT(std::sqrt(square / static_cast<double>(by_scene.values.size())), 0.0005);
+    BOOST_CHECK_EQUAL(by_scene.depth_m.size(), by_camera.depth_m.size());
+  }
+}
+
+BOOST_AUTO_TEST_CASE(things_that_move_are_seen_as_the_mean_of_many_still_ones) {
+  const Scene scene = make_scene();
+  const Shape &post = scene.shapes()[1], &box = scene.shapes()[2];
+  // The post goes aside and casts its shadow on the wall; the box turns by fifteen degrees.
+  const Transform aside{Eigen::Quaterniond::Identity(), {-0.08, 0.02, 0.03}};
+  const Transform turned{rotation_exp({0.03, 0.05, 0.26}), Vector3d::Zero()};
+  const ShapeMotion post_goes(1, post.world_from_shape, aside * post.world_from_shape);
+  const ShapeMotion box_turns(2, box.world_from_shape, box.world_from_shape * turned);
+  const auto at = [](const ShapeMotion& motion, double part) {
+    const Transform pose{motion.begin.rotation.slerp(part, motion.end.rotation),
+                         (1 - part) * motion.begin.translation + part * motion.end.translation};
+    return ShapeMotion(motion.shape, pose, pose);
+  };
+  const Radiance seen = look(scene, {Transform(), Transform(), 1, {post_goes, box_turns}});
+  const auto still = [&](double part) {
+    return look(scene, {Transform(), Transform(), 1, {at(post_goes, part), at(box_turns, part)}},
+                16);
+  };
+  constexpr int count = 32;
+  std::vector<double> mean(seen.values.size());
+  for (int i = 0; i < count; ++i) {
+    const Radiance one = still((i + 0.5) / count);
+    for (std::size_t k = 0; k < mean.size(); ++k) mean[k] += one.values[k] / count;
+  }
+  const Radiance middle = still(0.5);
+  double moving2 = 0, still2 = 0;
+  for (std::size_t k = 0; k < mean.size(); ++k) {
+    moving2 += std::pow(seen.values[k] - mean[k], 2);
+    still2 += std::pow(middle.values[k] - mean[k], 2);
+  }
+  BOOST_CHECK_LT(std::sqrt(moving2 / static_cast<double>(mean.size())), 0.006);
+  BOOST_CHECK_LT(moving2, 0.0625 * still2);  // as of a camera that moves
+}
+
+BOOST_AUTO_TEST_CASE(what_comes_out_from_behind_something_is_seen_as_long_as_it_is_out) {
+  Scene scene;
+  scene.light = {Vector3d(0, 0, -1), 0.5F, 0, 0, 1, {}};
+  const int grey = scene.add_material(Material{});
+  Material white;
+  white.albedo = 1;
+  const int bright = scene.add_material(white);
+  const Eigen::Quaterniond upright = Eigen::Quaterniond::Identity();
+  scene.add_shape({ShapeKind::plane,
+                   Vector3d::Zero(),
+                   bright,
+                   -1,
+                   {Eigen::Quaterniond(0, 1, 0, 0), {0, 0, 5}}});
+  // A screen with its edge in the middle of the picture, and a board behind it that comes out by
+  // ten pixels at last.
+  scene.add_shape({ShapeKind::box, {0.5, 5, 0.001}, bright, -1, {upright, {-0.5, 0, 1.001}}});
+  const int board =
+      scene.add_shape({ShapeKind::box, {0.2, 5, 0.001}, grey, -1, {upright, {-0.4, 0, 2.001}}});
+  Camera pinhole = camera;
+  pinhole.distortion = Distortion::none;
+  pinhole.coefficients = {};
+  const double px_m = 2 / pinhole.fx_px;
+  const auto with_edge_at = [&](double px) {
+    return Transform{upright, {px * px_m - 0.2, 0, 2.001}};
+  };
+  const ShapeMotion comes(board, with_edge_at(-10), with_edge_at(10));
+  const Radiance seen =
+      render(scene, CameraRays(pinhole), {Transform(), Transform(), 1, {comes}}, 1, {1, 64});
+  for (int px = 0; px < 10; ++px) {  // of pixels whose left side is `px` from the screen's edge
+    const float share = 0.5F - (static_cast<float>(px) + 0.5F) / 20;
+    const float value = seen.values[70 * pinhole.width_px + 100 + px];
+    BOOST_CHECK_SMALL(value - (0.5F - share * 0.25F), 0.01F);
+  }
+  BOOST_CHECK_SMALL(seen.values[70 * pinhole.width_px + 115] - 0.5F, 1e-4F);
 }
 
 BOOST_AUTO_TEST_CASE(a_moving_picture_does_not_depend_on_threads_or_instructions) {
@@ -189,7 +284,7 @@ BOOST_AUTO_TEST_CASE(samples_of_an_edge_are_shaded_by_what_shades_nothing_else_i
   scene.add_shape({ShapeKind::box, {20, 20, 0.1}, material, -1, at(0, 0, 10)});
   scene.add_shape({ShapeKind::box, {8, 1, 1}, material, -1, at(0, -3, 7)});
   const Camera small{64, 48, 50, 50, 31.5, 23.5, Distortion::none, {}};
-  const Radiance seen = render(scene, CameraRays(small), {Transform(), Transform()}, 1, {1, 16});
+  const Radiance seen = render(scene, CameraRays(small), Transform(), 1, {1, 16});
   const float* row = &seen.values[23 * 64];
   BOOST_CHECK_LT(row[40], 0.5F * row[20]);
   BOOST_CHECK_SMALL(row[31] - (row[20] + 3.0F / 16 * (row[40] - row[20])), 1e-4F);

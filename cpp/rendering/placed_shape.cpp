@@ -3,15 +3,44 @@
 
 namespace pilotage {
 
-PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_centre) {
-  const Shape& given = scene.shapes()[shape];
+namespace {
+
+constexpr double most_turned_rad = 1.58;  // a quarter turn
+
+/// Halfway; at the end for what turned further than can be followed.
+Transform middle_of(const ShapeMotion& motion) {
+  const bool jumps = motion.begin.rotation.angularDistance(motion.end.rotation) > most_turned_rad;
+  return {motion.begin.rotation.slerp(jumps ? 1.0 : 0.5, motion.end.rotation),
+          0.5 * (motion.begin.translation + motion.end.translation)};
+}
+
+void set_motion(const ShapeMotion& motion, const Eigen::Quaterniond& middle, PlacedShape& placed) {
+  const Eigen::Vector3d way =
+      middle.conjugate() * (motion.end.translation - motion.begin.translation);
+  Eigen::Vector3d turn = rotation_log(motion.begin.rotation.conjugate() * motion.end.rotation);
+  if (turn.norm() > most_turned_rad) turn.setZero();
+  for (int i = 0; i < 3; ++i) {
+    placed.way[i] = static_cast<float>(way[i]);
+    placed.turn[i] = static_cast<float>(turn[i]);
+  }
+  const double reach_m = turn.isZero() ? 0 : turn.norm() * placed.radius;
+  placed.moved_m = static_cast<float>(way.norm() + reach_m);
+  placed.radius += 0.5f * static_cast<float>(way.norm());
+  placed.moves = true;
+}
+
+}  // namespace
+
+PlacedShape place(const Scene& scene, const ShapeMotion& motion,
+                  const Eigen::Vector3d& view_centre) {
+  const Shape& given = scene.shapes()[motion.shape];
+  const Transform world_from_shape = middle_of(motion);
   PlacedShape placed;
   placed.kind = given.kind;
-  placed.index = shape;
+  placed.index = motion.shape;
   placed.material = given.material;
-  const Eigen::Matrix3d shape_from_world =
-      given.world_from_shape.rotation.toRotationMatrix().transpose();
-  const Eigen::Vector3d centre = given.world_from_shape.translation - view_centre;
+  const Eigen::Matrix3d shape_from_world = world_from_shape.rotation.toRotationMatrix().transpose();
+  const Eigen::Vector3d centre = world_from_shape.translation - view_centre;
   for (int i = 0; i < 3; ++i) {
     placed.centre[i] = static_cast<float>(centre[i]);
     placed.size[i] = static_cast<float>(given.size[i]);
@@ -27,6 +56,9 @@ PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_cen
   if (given.kind == ShapeKind::mesh) placed.mesh = &scene.meshes()[given.data];
   const int texture = scene.materials()[given.material].texture;
   if (texture >= 0) placed.texture = &scene.textures()[texture];
+  const bool is_still = motion.begin.translation == motion.end.translation &&
+                        motion.begin.rotation.coeffs() == motion.end.rotation.coeffs();
+  if (!is_still) set_motion(motion, world_from_shape.rotation, placed);
   return placed;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "rendering/scene.hpp"
+#include "rendering/view.hpp"
 
 namespace pilotage {
 
@@ -18,8 +18,14 @@ struct PlacedShape {
   const TriangleTree* mesh = nullptr;
   const Texture* texture = nullptr;
   float texture_scale[3] = {};
+  bool moves = false;
+  /// Over the time the shutter is open, in the shape's axes; the pose is that of its middle, and
+  /// the radius holds it all the time.
+  float way[3] = {}, turn[3] = {};
+  float moved_m = 0;  ///< at most, by any of its points
 };
 
-PlacedShape place(const Scene& scene, int shape, const Eigen::Vector3d& view_centre);
+PlacedShape place(const Scene& scene, const ShapeMotion& motion,
+                  const Eigen::Vector3d& view_centre);
 
 }  // namespace pilotage

@@ -45,6 +45,15 @@ Radiance render(const Scene& scene, const CameraRays& camera, const ShutterPoses
     throw std::invalid_argument("edge_samples = " + std::to_string(options.edge_samples) +
                                 ": must be 1 or a multiple of 16");
   }
+  for (const ShapeMotion& motion : poses.moving) {
+    if (motion.shape >= 0 && motion.shape < static_cast<int>(scene.shapes().size())) continue;
+    throw std::invalid_argument("shape = " + std::to_string(motion.shape) + ": the scene has " +
+                                std::to_string(scene.shapes().size()));
+  }
+  if (!(poses.exposed_share >= 0 && poses.exposed_share <= 1)) {
+    throw std::invalid_argument("exposed_share = " + std::to_string(poses.exposed_share) +
+                                ": must be between 0 and 1");
+  }
   static RenderView* const render_view = choose_render_view();
   return render_view(scene, camera, poses, channels, options);
 }

@@ -125,11 +125,6 @@ int Scene::add_shape(const Shape& shape) {
   return static_cast<int>(shapes_.size()) - 1;
 }
 
-void Scene::set_pose(int shape, const Transform& world_from_shape) {
-  check_index("shape", shape, shapes_.size());
-  shapes_[shape].world_from_shape = world_from_shape;
-}
-
 double Scene::radius_m(const Shape& shape) const {
   switch (shape.kind) {
     case ShapeKind::plane:

@@ -84,7 +84,6 @@ class Scene {
                        std::span<const float> heights_m);
   int add_mesh(Triangles triangles);
   int add_shape(const Shape& shape);
-  void set_pose(int shape, const Transform& world_from_shape);
 
   const std::vector<Exemplar>& exemplars() const { return exemplars_; }
   const std::vector<Texture>& textures() const { return textures_; }

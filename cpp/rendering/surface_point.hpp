@@ -102,9 +102,9 @@ PILOTAGE_INLINE Vectors normal_at(const PlacedShape& s, const Rays& local, const
   return {zero, zero, one};
 }
 
-PILOTAGE_INLINE SurfacePoint surface_at(const PlacedShape& shape, const Rays& rays,
+/// Where rays in the shape's axes hit it.
+PILOTAGE_INLINE SurfacePoint surface_at(const PlacedShape& shape, const Rays& local,
                                         const Floats& distance) {
-  const Rays local = in_shape(shape, rays);
   SurfacePoint at;
   at.point = local.origin + distance * local.direction;
   at.normal = normal_at(shape, local, distance, at.point);

@@ -189,7 +189,7 @@ PILOTAGE_INLINE TexturePoint texture_of_mesh(const PlacedShape& shape, const Ray
 }
 
 /// As MuJoCo's own renderer lays them, from its version 3.12 on.
-PILOTAGE_INLINE TexturePoint texture_at(const PlacedShape& shape, const Rays& rays,
+PILOTAGE_INLINE TexturePoint texture_at(const PlacedShape& shape, const Rays& local,
                                         const Floats& distance, const SurfacePoint& hit) {
   if (shape.texture->is_cube()) return look_up_cube(shape, hit.point);
   TexturePoint at{};
@@ -198,7 +198,7 @@ PILOTAGE_INLINE TexturePoint texture_at(const PlacedShape& shape, const Rays& ra
       return lay_texture_flat(shape, hit.point);
     case ShapeKind::mesh:
       if (shape.mesh->triangles.texture.empty()) return lay_texture_flat(shape, hit.point);
-      at = texture_of_mesh(shape, in_shape(shape, rays), distance, hit.point);
+      at = texture_of_mesh(shape, local, distance, hit.point);
       break;
     case ShapeKind::plane:
       if (!(shape.size[0] > 0 && shape.size[1] > 0)) return lay_texture_flat(shape, hit.point);

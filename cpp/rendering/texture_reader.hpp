@@ -84,13 +84,13 @@ PILOTAGE_INLINE TextureFilter filter_for(const Texture& texture, const TexturePo
 /// What a shape's texture shows to each ray of the mask: red, green and blue, 1 for white. `by_x`,
 /// `by_y`: how the hit moves when the pixel does, in the shape's axes. Not inlined: scenes without
 /// textures keep their registers.
-__attribute__((noinline)) inline void read_texture(const PlacedShape& shape, const Rays& rays,
+__attribute__((noinline)) inline void read_texture(const PlacedShape& shape, const Rays& local,
                                                    const Floats& distance, const SurfacePoint& hit,
                                                    const Vectors& by_x, const Vectors& by_y,
                                                    const Ints& mask, int most_probes,
                                                    Floats (&shown)[3]) {
   const Texture& texture = *shape.texture;
-  const TexturePoint at = texture_at(shape, rays, distance, hit);
+  const TexturePoint at = texture_at(shape, local, distance, hit);
   const TextureFilter filter = filter_for(texture, at, by_x, by_y, most_probes);
   const bool is_cube = texture.is_cube();
   for (Floats& channel : shown) channel = splat(0);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "geometry/camera.hpp"
@@ -44,9 +45,30 @@ struct RowExposure {
       : begin(at_begin), middle(at_middle), end(at_end) {}
 };
 
-/// Of the first and of the last row: equal for a global shutter.
+/// Where a shape that moves by itself is, world_from_shape, when the exposure of the first row
+/// begins and when that of the last one ends; between it moves evenly. What turns by more than
+/// ninety degrees meanwhile is shown as it is at last.
+struct ShapeMotion {
+  int shape;
+  Transform begin, end;
+  ShapeMotion(int of_shape, const Transform& at_begin, const Transform& at_end)
+      : shape(of_shape), begin(at_begin), end(at_end) {}
+};
+
+/// What happens while the shutter is open: where the camera is for the first and for the last row,
+/// which are equal for a global shutter, and what moves before it.
 struct ShutterPoses {
   RowExposure first, last;
+  /// For which part of the time from the first row's begin to the last row's end a row is exposed.
+  double exposed_share;
+  std::vector<ShapeMotion> moving;
+
+  /// All stand still.
+  ShutterPoses(const Transform& world_from_camera)
+      : ShutterPoses(world_from_camera, world_from_camera) {}
+  ShutterPoses(const RowExposure& of_first, const RowExposure& of_last, double exposed = 1,
+               std::vector<ShapeMotion> motions = {})
+      : first(of_first), last(of_last), exposed_share(exposed), moving(std::move(motions)) {}
 };
 
 struct RenderOptions {
@@ -69,7 +91,8 @@ struct Radiance {
 /// Casts a ray through the middle of each pixel in the middle of its exposure, and reads the
 /// surface along the streak that the pixel draws there. Where edges pass, by the camera's motion or
 /// because a neighbour hits something else, more rays are spread over the pixel and over its
-/// exposure. Shapes stand still. The result does not depend on the number of threads.
+/// exposure. The result does not depend on the number of threads. Throws std::invalid_argument for
+/// motions of shapes that do not exist.
 Radiance render(const Scene& scene, const CameraRays& camera, const ShutterPoses& poses,
                 int channels, const RenderOptions& options);
 

@@ -25,7 +25,8 @@ class ViewRenderer {
       : scene_(scene),
         options_(options),
         rays_(camera, poses, options.edge_samples),
-        caster_(scene, poses.first.middle.translation, rays_.furthest_start_m(), channels) {
+        caster_(scene, poses.moving, poses.first.middle.translation, rays_.furthest_start_m(),
+                channels) {
     result_.width = camera.width();
     result_.height = camera.height();
     result_.channels = channels;
@@ -47,7 +48,7 @@ class ViewRenderer {
   struct Tile {
     Chosen shapes;
     Shading shading;
-    float moved_px = 0;  ///< over the exposure, at most
+    Moved moved;
   };
 
   void in_parallel(void (ViewRenderer::*work)(int tile_row, SurfaceReader&));
@@ -63,7 +64,7 @@ class ViewRenderer {
   void mark_streak(int column, int row);
   void mark(int column, int row);
   Eigen::Vector2f streak_of(int column, int row);
-  void mark_entering(int tile_column, int tile_row, SurfaceReader& surfaces);
+  void mark_changing(int tile_column, int tile_row, SurfaceReader& surfaces);
   void cast_alone(const PixelRays& pixels, Tile& tile, SurfaceReader& surfaces, Seen& seen) const;
   void keep(const Seen& seen, int column, int row);
   void keep_depth(const Seen& seen, const PixelRays& rays, int column, int row);
@@ -120,9 +121,10 @@ inline void ViewRenderer::cast_tile(int tile_column, int tile_row, SurfaceReader
   here.shapes = caster_.in_cone(rays_.cone_of(rays, rows, top));
   for (int r = 0; r < rows; ++r) caster_.find(rays[r], here.shapes, seen[r]);
   caster_.widen(rays, rows, seen, here.shading);
-  here.moved_px = rays_.most_moved_px(rays, rows, top, seen);
+  here.moved = rays_.most_moved_px(rays, rows, top, seen, caster_.most_moved_rad(here.shapes),
+                                   caster_.most_moved_m(here.shading));
   for (int r = 0; r < rows; ++r) {
-    rays[r].moves = here.moved_px > still_px;
+    rays[r].moves = here.moved.px > still_px;
     caster_.shade(rays[r], here.shapes, here.shading, surfaces, seen[r]);
     keep(seen[r], column, top + r);
     if (options_.with_depth) keep_depth(seen[r], rays[r], column, top + r);
@@ -149,7 +151,7 @@ inline Eigen::Vector2f ViewRenderer::streak_of(int column, int row) {
   const auto first = [](const Vectors& v) { return Eigen::Vector3f(v.x[0], v.y[0], v.z[0]); };
   // Where nothing is hit it is infinitely far away: only the turn counts.
   const Eigen::Vector3f way =
-      1 / seen.distance[0] * first(rays.over_time.origin) + first(rays.over_time.direction);
+      1 / seen.distance[0] * first(caster_.way_past(rays, seen)) + first(rays.over_time.direction);
   const Eigen::Vector3f per_x = first(rays.per_x), per_y = first(rays.per_y);
   return {way.dot(per_x) / per_x.squaredNorm(), way.dot(per_y) / per_y.squaredNorm()};
 }
@@ -180,20 +182,22 @@ inline void ViewRenderer::mark(int column, int row) {
 }
 
 /// Marks where at begin or end of the exposure something else is seen than in its middle: what
-/// comes in from beyond the picture's border has no edge there.
-inline void ViewRenderer::mark_entering(int tile_column, int tile_row, SurfaceReader& surfaces) {
+/// comes in from beyond the picture's border has no edge there, nor has what comes out from behind
+/// something, and a shadow does not move as what it falls on.
+inline void ViewRenderer::mark_changing(int tile_column, int tile_row, SurfaceReader& surfaces) {
   const int column = tile_column * tile, top = tile_row * tile;
   // Nothing has come further from the upper or the lower border; from the side a group is a row.
   const int deep = static_cast<int>(std::ceil(0.5f * moved_px_));
-  const bool is_side = tile_column == 0 || tile_column + 1 == tiles_x_;
+  const bool is_whole = tile_column == 0 || tile_column + 1 == tiles_x_ ||
+                        tile_at(tile_column, tile_row).moved.by_itself_px > 1;
   for (int row = top; row < std::min(top + tile, result_.height); ++row) {
-    if (!is_side && row >= deep && row + deep < result_.height) continue;
+    if (!is_whole && row >= deep && row + deep < result_.height) continue;
     for (const float time : {-0.5f, 0.5f}) {
       PixelRays then;
       then.most_probes = 1;
       Seen seen;
       rays_.fill(column, row, then);
-      then.rays = at_time(splat(time), then);
+      move_to(splat(time), then);
       cast_alone(then, tile_at(tile_column, tile_row), surfaces, seen);
       const std::int32_t* keys = &keys_[static_cast<std::size_t>(row) * result_.width + column];
       for (int k = 0; k < std::min(count, result_.width - column); ++k) {
@@ -207,8 +211,9 @@ inline void ViewRenderer::mark_streaks(int tile_row, SurfaceReader& surfaces) {
   for (int tile_column = 0; tile_column < tiles_x_; ++tile_column) {
     const bool is_border = tile_row == 0 || tile_row + 1 == tiles_y_ || tile_column == 0 ||
                            tile_column + 1 == tiles_x_;
-    if (is_border) mark_entering(tile_column, tile_row, surfaces);
-    if (tile_at(tile_column, tile_row).moved_px <= 1) continue;
+    const bool has_moving = tile_at(tile_column, tile_row).moved.by_itself_px > 1;
+    if (is_border || has_moving) mark_changing(tile_column, tile_row, surfaces);
+    if (tile_at(tile_column, tile_row).moved.px <= 1) continue;
     const int bottom = std::min((tile_row + 1) * tile, result_.height);
     const int right = std::min((tile_column + 1) * tile, result_.width);
     for (int row = tile_row * tile; row < bottom; ++row) {
@@ -276,7 +281,7 @@ inline Radiance ViewRenderer::run() {
   const SurfaceTiles::View view = scene_.surface_tiles().begin_view();
   in_parallel(&ViewRenderer::cast_tiles);
   if (options_.edge_samples > 1) {
-    for (const Tile& each : tiles_) moved_px_ = std::max(moved_px_, each.moved_px);
+    for (const Tile& each : tiles_) moved_px_ = std::max(moved_px_, each.moved.px);
     if (moved_px_ > 1) {
       is_passed_.resize(static_cast<std::size_t>(result_.width) * result_.height);
       in_parallel(&ViewRenderer::mark_streaks);

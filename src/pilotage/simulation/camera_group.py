@@ -161,7 +161,6 @@ class CameraGroup:
 
         All that depends on the simulation is done here: each may run in a thread of its own.
         """
-        self._pictures.follow()
         return [self._look(eye, acting[eye.name], middle_ns, exposure_s) for eye in self._eyes]
 
     def _look(

@@ -80,7 +80,8 @@ class Simulation:
             for body in range(self.model.nbody)
             if (name := self.model.body(body).name).startswith(PREFIX)
         }
-        self._remembered = np.array(sorted(mounts | set(self._parts.values())))
+        moving = {body for body in range(self.model.nbody) if moves(self.model, body)}
+        self._remembered = np.array(sorted(mounts | set(self._parts.values()) | moving))
         self._history = PoseHistory(len(self._remembered), REMEMBERED_STEPS, STEP_NS)
         self._time_ns = 0
         self._begin(self.seed)
@@ -112,7 +113,11 @@ class Simulation:
         """Return world_from_part of a part of the body, `robot` or `torso`, as `robot_pose`."""
         if name not in self._parts:
             raise InputError(f"part {name!r} {unknown(name, self._parts)}")
-        return self._pose(self._parts[name], self._time_ns if time_ns is None else time_ns)
+        return self.body_pose(self._parts[name], self._time_ns if time_ns is None else time_ns)
+
+    def body_pose(self, body: int, time_ns: int) -> Transform:
+        """Return world_from_body of a body of the model that moves, at a time of the last 0.4 s."""
+        return self._history.pose(int(np.searchsorted(self._remembered, body)), time_ns)
 
     def camera_pose(self, name: str, time_ns: int | None = None) -> Transform:
         """Return world_from_camera (x right, y down, z forward), now or within the last 0.4 s.
@@ -132,11 +137,7 @@ class Simulation:
             translation_m=self.model.cam_pos[camera], quaternion_wxyz=self.model.cam_quat[camera]
         )
         body_from_camera = body_from_mujoco @ MUJOCO_FROM_CAMERA
-        return [self._pose(mount, time) @ body_from_camera for time in times_ns]
-
-    def _pose(self, body: int, time_ns: int) -> Transform:
-        """Return world_from_body of a body of the model that is remembered."""
-        return self._history.pose(int(np.searchsorted(self._remembered, body)), time_ns)
+        return [self.body_pose(mount, time) @ body_from_camera for time in times_ns]
 
     def _begin(self, seed: int) -> None:
         """Put the body on the ground, let it come to rest, and start the clock."""
@@ -229,6 +230,11 @@ class Simulation:
                 f'write <body name="{walk.body}" mocap="true">'
             )
         return mocap
+
+
+def moves(model: Any, body: int) -> bool:
+    """Tell whether a body of MuJoCo's model ever moves, by the physics or by the clock."""
+    return bool(model.body_weldid[body] != 0 or model.body_mocapid[body] >= 0)
 
 
 def _compile(spec: Any, world: World, body: Body) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pilotage import Camera, Transform, _core
 from pilotage.errors import InputError
 from pilotage.simulation.options import unknown
-from pilotage.simulation.physics import Simulation
+from pilotage.simulation.physics import Simulation, moves
 from pilotage.simulation.scene import SURFACE_PREFIX
 from pilotage.simulation.surfaces import SURFACES, SurfacePainter
 from pilotage.simulation.textures import TexturePainter, read_mesh
@@ -46,35 +46,39 @@ class Pictures:
         self._textures = TexturePainter(self._scene, self._model)
         self._notes = _surface_notes(self._model)
         self._materials: dict[tuple[int, ...], int] = {}
-        self._moving: list[tuple[int, int]] = []  # geom, shape
+        self._moving: list[tuple[int, int, Transform]] = []  # body, shape, body_from_geom
         for geom in range(self._model.ngeom):
             self._add_geom(geom)
         self._set_light()
 
-    def follow(self) -> None:
-        """Move what moves by itself to where it is at the simulation's newest step."""
-        for geom, shape in self._moving:
-            self._scene.set_pose(shape, self._geom_pose(geom))
+    def motions(self, begin_ns: int, end_ns: int) -> list[_core.ShapeMotion]:
+        """Return how what moves by itself does so between two times that are remembered."""
+        motions = []
+        for body, shape, body_from_geom in self._moving:
+            begin, end = (
+                self._simulation.body_pose(body, at_ns) @ body_from_geom
+                for at_ns in (begin_ns, end_ns)
+            )
+            motions.append(_core.ShapeMotion(shape, begin=begin, end=end))
+        return motions
 
     def radiance(
         self,
         rays: _core.CameraRays,
-        first_row: _core.RowExposure,
-        last_row: _core.RowExposure,
+        poses: _core.ShutterPoses,
         *,
         channels: int = 1,
         threads: int = 1,
     ) -> NDArray[np.float32]:
-        """Return (H, W) or (H, W, 3) radiance of a camera that was there while rows were exposed.
+        """Return (H, W) or (H, W, 3) radiance of a camera, the mean over its exposure.
 
-        Things that move by themselves are where `follow` put them. Any number of threads may call
-        this at once; how many there are changes nothing.
+        What `poses` does not move is where it was when this was made. Any number of threads may
+        call this at once; how many there are changes nothing.
         """
         seen = _core.render(
             self._scene,
             rays,
-            world_from_camera=first_row,
-            world_from_camera_last=last_row,
+            poses,
             channels=channels,
             threads=threads,
             edge_samples=EDGE_SAMPLES,
@@ -84,9 +88,9 @@ class Pictures:
 
     def depth_m(self, name: str, rays: _core.CameraRays, *, at_ns: int) -> NDArray[np.float32]:
         """Return (H, W) depth along the camera's z, metres; 0 where nothing is seen."""
-        self.follow()
         pose = _core.RowExposure(self._simulation.camera_pose(name, at_ns))
-        seen = _core.render(self._scene, rays, world_from_camera=pose, edge_samples=1)
+        poses = _core.ShutterPoses(first=pose, moving=self.motions(at_ns, at_ns))
+        seen = _core.render(self._scene, rays, poses, edge_samples=1)
         return np.asarray(seen["depth_m"])
 
     def _add_geom(self, geom: int) -> None:
@@ -103,11 +107,12 @@ class Pictures:
             data=self._data(geom, kind),
             texture_scale=self._textures.scale(geom),
         )
-        if (
-            model.body_weldid[model.geom_bodyid[geom]] != 0
-            or model.body_mocapid[model.geom_bodyid[geom]] >= 0
-        ):
-            self._moving.append((geom, shape))
+        body = int(model.geom_bodyid[geom])
+        if moves(model, body):
+            body_from_geom = Transform(
+                translation_m=model.geom_pos[geom], quaternion_wxyz=model.geom_quat[geom]
+            )
+            self._moving.append((body, shape, body_from_geom))
 
     def _geom_pose(self, geom: int) -> Transform:
         pose = np.eye(4)

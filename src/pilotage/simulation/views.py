@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What reaches one camera over an exposure: it moves, and its rows are read one after another."""
+"""What reaches one camera over an exposure: it moves, as other things do, and reads row by row."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ class View:
         """Return what renders (H, W) or (H, W, 3) radiance, the mean over the exposure.
 
         `middle_ns` is the middle of the exposure of the middle row. What is returned takes a number
-        of threads; any thread may call it as long as the simulation and its `Pictures` stay as they
-        are.
+        of threads; any thread may call it.
         """
         half_ns, half_row_ns = readout_s * 1e9 / 2, exposure_s * 1e9 / 2
         times_ns = [
@@ -45,13 +44,16 @@ class View:
         ]
         poses = self._simulation.camera_poses(self._name, times_ns)
         begin, middle, end, *last = (pose @ built_from_camera for pose in poses)
-        first_row = _core.RowExposure(begin=begin, middle=middle, end=end)
-        last_row = _core.RowExposure(begin=last[0], middle=last[1], end=last[2])
+        open_s = exposure_s + readout_s
+        shutter = _core.ShutterPoses(
+            first=_core.RowExposure(begin=begin, middle=middle, end=end),
+            last=_core.RowExposure(begin=last[0], middle=last[1], end=last[2]),
+            exposed_share=exposure_s / open_s if open_s > 0 else 1.0,
+            moving=self._pictures.motions(times_ns[0], times_ns[-1]),
+        )
 
         def render(threads: int) -> Radiance:
-            return self._pictures.radiance(
-                self._rays, first_row, last_row, channels=channels, threads=threads
-            )
+            return self._pictures.radiance(self._rays, shutter, channels=channels, threads=threads)
 
         return render
 
