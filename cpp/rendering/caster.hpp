@@ -81,18 +81,17 @@ struct PlacedLamp {
 /// Casts rays into what one view sees.
 class Caster {
  public:
-  /// No ray starts further than `slack_m` from `centre`, the view's.
-  Caster(const Scene& scene, const std::vector<ShapeMotion>& moving, const Eigen::Vector3d& centre,
-         float slack_m, int channels)
+  /// No ray starts further than `slack_m` from the view's centre, where the first row is exposed.
+  Caster(const Scene& scene, const ShutterPoses& poses, float slack_m, int channels)
       : scene_(scene), channels_(channels), slack_m_(slack_m) {
     std::vector<ShapeMotion> motions;
     for (const Shape& shape : scene.shapes()) {
       const auto number = static_cast<int>(motions.size());
       motions.push_back({number, shape.world_from_shape, shape.world_from_shape});
     }
-    for (const ShapeMotion& motion : moving) motions[motion.shape] = motion;
+    for (const ShapeMotion& motion : poses.moving) motions[motion.shape] = motion;
     for (const ShapeMotion& motion : motions) {
-      placed_.push_back(place(scene, motion, centre));
+      placed_.push_back(place(scene, motion, poses));
       seen_.push_back(cone_about(placed_.back(), slack_m));
     }
     for (const Material& material : scene.materials()) {
@@ -101,15 +100,15 @@ class Caster {
     const Eigen::Vector3d to_sun = scene.light.to_sun.normalized();
     for (int i = 0; i < 3; ++i) to_sun_[i] = static_cast<float>(to_sun[i]);
     for (const Lamp& lamp : scene.light.lamps) {
-      const Eigen::Vector3f at = (lamp.position_m - centre).cast<float>();
+      const Eigen::Vector3f at = (lamp.position_m - poses.first.middle.translation).cast<float>();
       lamps_.push_back({{at.x(), at.y(), at.z()}, lamp.power});
     }
   }
 
   Chosen in_cone(const Cone& rays) const;
-  /// By what angle at most shapes, seen from the view's centre, move while the shutter is open.
+  /// By what angle at most shapes move in the picture while the shutter is open.
   float most_moved_rad(const Chosen& candidates) const;
-  /// How far at most shapes that may stand before the lights move meanwhile.
+  /// How far at most shapes that may stand before the lights move meanwhile, before the camera.
   float most_moved_m(const Shading& shading) const;
   /// What is hit first, and how far away, by rays that meet nothing but `candidates`.
   void find(const PixelRays& pixels, const Chosen& candidates, Seen& seen) const;
@@ -143,6 +142,8 @@ class Caster {
 };
 
 constexpr float nearest_m = 1e-3f;
+/// No lens comes nearer to what moves before it.
+constexpr float nearest_moving_m = 0.02f;
 /// A shadow's ray starts so far above the surface: it must not meet what it leaves.
 constexpr float lift_m = 1e-3f;
 constexpr float most_grazing = 0.02f;
@@ -236,7 +237,7 @@ inline float Caster::most_moved_rad(const Chosen& candidates) const {
     const PlacedShape& s = placed_[i];
     if (!s.moves) continue;
     const float away = std::hypot(s.centre[0], s.centre[1], s.centre[2]) - s.radius - slack_m_;
-    most = std::max(most, s.moved_m / std::max(away, nearest_m));
+    most = std::max(most, s.moved_m / std::max(away, nearest_moving_m));
   }
   return most;
 }
@@ -264,7 +265,8 @@ inline Vectors Caster::way_past(const PixelRays& pixels, const Seen& seen) const
   for (const PlacedShape& shape : placed_) {
     const Ints mask = seen.shape == shape.index;
     if (!shape.moves || !any(mask)) continue;
-    const Rays local = in_shape(shape, pixels.rays, pixels.time);
+    Rays local = in_shape(shape, pixels.rays);
+    follow(shape, pixels.time, local);
     const Vectors point = local.origin + seen.distance * local.direction;
     const Vectors moved = splat(pixels.exposed) * to_world(shape, way_of(shape, point));
     way = {mask ? way.x - moved.x : way.x, mask ? way.y - moved.y : way.y,
@@ -341,7 +343,8 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
                                 const Shading& shading, SurfaceReader& surfaces, Seen& seen) const {
   const int typical = typical_lane(mask);
   const Floats distance = mask ? seen.distance : splat(seen.distance[typical]);
-  const Rays local = in_shape(shape, pixels.rays, pixels.time);
+  Rays local = in_shape(shape, pixels.rays);
+  if (shape.moves) follow(shape, pixels.time, local);
   const SurfacePoint at = surface_at(shape, local, distance);
   const Material& material = scene_.materials()[shape.material];
   HitMotion motion{};

@@ -272,21 +272,25 @@ PILOTAGE_INLINE Vectors way_of(const PlacedShape& s, const Vectors& point) {
   return way + cross(s.turn, point);
 }
 
-/// Rays in the axes of a shape, which it takes along when it moves: they hit it at these times, of
-/// the time that the shutter is open and from its middle.
-PILOTAGE_INLINE Rays in_shape(const PlacedShape& s, const Rays& rays, const Floats& time) {
+/// Rays in the axes of a shape.
+PILOTAGE_INLINE Rays in_shape(const PlacedShape& s, const Rays& rays) {
   const Vectors moved{rays.origin.x - s.centre[0], rays.origin.y - s.centre[1],
                       rays.origin.z - s.centre[2]};
-  const Rays local{to_shape(s, moved), to_shape(s, rays.direction)};
-  if (!s.moves) return local;
-  const Vectors way{splat(s.way[0]), splat(s.way[1]), splat(s.way[2])};
-  return {turned_back(s, time, local.origin - time * way), turned_back(s, time, local.direction)};
+  return {to_shape(s, moved), to_shape(s, rays.direction)};
 }
 
-/// Distances along the rays to the first hit beyond `nearest`; infinite where there is none.
-PILOTAGE_INLINE Floats intersect(const PlacedShape& shape, const Rays& rays, const Floats& time,
-                                 float nearest) {
-  const Rays local = in_shape(shape, rays, time);
+/// The same of a shape that moves and takes its axes along: at times from the middle of the time
+/// that the shutter is open, in parts of it. Not inlined, as all that is only for what moves:
+/// scenes that stand still keep their registers.
+__attribute__((noinline)) inline void follow(const PlacedShape& s, const Floats& time,
+                                             Rays& local) {
+  const Vectors way{splat(s.way[0]), splat(s.way[1]), splat(s.way[2])};
+  local = {turned_back(s, time, local.origin - time * way), turned_back(s, time, local.direction)};
+}
+
+/// Distances along rays in the shape's axes to the first hit beyond `nearest`; infinite where there
+/// is none.
+PILOTAGE_INLINE Floats meet(const PlacedShape& shape, const Rays& local, float nearest) {
   switch (shape.kind) {
     case ShapeKind::plane:
       return meet_plane(shape, local, nearest);
@@ -305,6 +309,20 @@ PILOTAGE_INLINE Floats intersect(const PlacedShape& shape, const Rays& rays, con
       return meet_mesh(shape, local, nearest);
   }
   return splat(infinity);
+}
+
+__attribute__((noinline)) inline Floats meet_moving(const PlacedShape& shape, const Rays& rays,
+                                                    const Floats& time, float nearest) {
+  Rays local = in_shape(shape, rays);
+  follow(shape, time, local);
+  return meet(shape, local, nearest);
+}
+
+/// Distances along rays in the world to the first hit beyond `nearest`, each at its time.
+PILOTAGE_INLINE Floats intersect(const PlacedShape& shape, const Rays& rays, const Floats& time,
+                                 float nearest) {
+  if (shape.moves) return meet_moving(shape, rays, time, nearest);
+  return meet(shape, in_shape(shape, rays), nearest);
 }
 
 }  // namespace pilotage::PILOTAGE_ARCH

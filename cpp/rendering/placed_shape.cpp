@@ -23,16 +23,22 @@ void set_motion(const ShapeMotion& motion, const Eigen::Quaterniond& middle, Pla
     placed.way[i] = static_cast<float>(way[i]);
     placed.turn[i] = static_cast<float>(turn[i]);
   }
-  const double reach_m = turn.isZero() ? 0 : turn.norm() * placed.radius;
-  placed.moved_m = static_cast<float>(way.norm() + reach_m);
   placed.radius += 0.5f * static_cast<float>(way.norm());
   placed.moves = true;
 }
 
+/// What the robot carries moves as its cameras do, and stays where it is in their pictures.
+double moved_before_camera_m(const ShapeMotion& motion, const ShutterPoses& poses,
+                             double radius_m) {
+  const Transform begin = poses.first.begin.inverse() * motion.begin;
+  const Transform end = poses.last.end.inverse() * motion.end;
+  const double turned_rad = begin.rotation.angularDistance(end.rotation);
+  return (end.translation - begin.translation).norm() + turned_rad * radius_m;
+}
+
 }  // namespace
 
-PlacedShape place(const Scene& scene, const ShapeMotion& motion,
-                  const Eigen::Vector3d& view_centre) {
+PlacedShape place(const Scene& scene, const ShapeMotion& motion, const ShutterPoses& poses) {
   const Shape& given = scene.shapes()[motion.shape];
   const Transform world_from_shape = middle_of(motion);
   PlacedShape placed;
@@ -40,7 +46,7 @@ PlacedShape place(const Scene& scene, const ShapeMotion& motion,
   placed.index = motion.shape;
   placed.material = given.material;
   const Eigen::Matrix3d shape_from_world = world_from_shape.rotation.toRotationMatrix().transpose();
-  const Eigen::Vector3d centre = world_from_shape.translation - view_centre;
+  const Eigen::Vector3d centre = world_from_shape.translation - poses.first.middle.translation;
   for (int i = 0; i < 3; ++i) {
     placed.centre[i] = static_cast<float>(centre[i]);
     placed.size[i] = static_cast<float>(given.size[i]);
@@ -58,7 +64,9 @@ PlacedShape place(const Scene& scene, const ShapeMotion& motion,
   if (texture >= 0) placed.texture = &scene.textures()[texture];
   const bool is_still = motion.begin.translation == motion.end.translation &&
                         motion.begin.rotation.coeffs() == motion.end.rotation.coeffs();
-  if (!is_still) set_motion(motion, world_from_shape.rotation, placed);
+  if (is_still) return placed;
+  placed.moved_m = static_cast<float>(moved_before_camera_m(motion, poses, placed.radius));
+  set_motion(motion, world_from_shape.rotation, placed);
   return placed;
 }
 

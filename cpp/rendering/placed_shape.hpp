@@ -22,10 +22,10 @@ struct PlacedShape {
   /// Over the time the shutter is open, in the shape's axes; the pose is that of its middle, and
   /// the radius holds it all the time.
   float way[3] = {}, turn[3] = {};
-  float moved_m = 0;  ///< at most, by any of its points
+  float moved_m = 0;  ///< at most, by any of its points, as the moving camera sees it
 };
 
-PlacedShape place(const Scene& scene, const ShapeMotion& motion,
-                  const Eigen::Vector3d& view_centre);
+/// Relative to the place of the first row.
+PlacedShape place(const Scene& scene, const ShapeMotion& motion, const ShutterPoses& poses);
 
 }  // namespace pilotage

@@ -25,8 +25,7 @@ class ViewRenderer {
       : scene_(scene),
         options_(options),
         rays_(camera, poses, options.edge_samples),
-        caster_(scene, poses.moving, poses.first.middle.translation, rays_.furthest_start_m(),
-                channels) {
+        caster_(scene, poses, rays_.furthest_start_m(), channels) {
     result_.width = camera.width();
     result_.height = camera.height();
     result_.channels = channels;

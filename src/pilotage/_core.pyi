@@ -1943,7 +1943,6 @@ class Scene:
         Sizes as MuJoCo's geom; data: which height field or mesh; texture_scale: repeats of a texture over the shape (a metre of height fields, endless planes and meshes without places), of a cube's the scale of the directions. Throws ValueError.
         """
 
-    def set_pose(self, shape: int, world_from_shape: Transform) -> None: ...
     def set_light(
         self,
         *,
@@ -1974,19 +1973,46 @@ class RowExposure:
     def __init__(self, *, begin: Transform, middle: Transform, end: Transform) -> None:
         """world_from_camera; it moves evenly."""
 
+class ShapeMotion:
+    """Where a shape is while the shutter is open."""
+
+    def __init__(self, shape: int, *, begin: Transform, end: Transform) -> None:
+        """
+        world_from_shape when the first row's exposure begins and when the last row's ends; it moves evenly.
+        """
+
+class ShutterPoses:
+    """What happens while the shutter is open."""
+
+    @overload
+    def __init__(self, world_from_camera: Transform) -> None:
+        """All stand still."""
+
+    @overload
+    def __init__(
+        self,
+        *,
+        first: RowExposure,
+        last: RowExposure | None = None,
+        exposed_share: float = 1.0,
+        moving: Sequence[ShapeMotion] = [],
+    ) -> None:
+        """
+        Where the camera is while the first and the last row are exposed, the same for a global shutter; for which part of the time between the first's begin and the last's end a row is exposed; what moves meanwhile.
+        """
+
 def render(
     scene: Scene,
     camera: CameraRays,
+    poses: ShutterPoses,
     *,
-    world_from_camera: RowExposure,
-    world_from_camera_last: RowExposure | None = None,
     channels: int = 1,
     threads: int = 1,
     edge_samples: int = 32,
     with_depth: bool = True,
 ) -> dict:
     """
-    Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. world_from_camera: where the camera is while the first row is exposed; world_from_camera_last: the last; the same for a global shutter. radiance is the mean over the exposure, depth_m and shape are of its middle, and left out without with_depth.
+    Return radiance (H, W) or (H, W, 3) float32, depth_m (H, W), 0 where nothing is hit, and shape (H, W), -1 there. radiance is the mean over the exposure, depth_m and shape are of its middle, and left out without with_depth. Throws ValueError.
     """
 
 def expose(

@@ -53,14 +53,16 @@ class Pictures:
 
     def motions(self, begin_ns: int, end_ns: int) -> list[_core.ShapeMotion]:
         """Return how what moves by itself does so between two times that are remembered."""
-        motions = []
-        for body, shape, body_from_geom in self._moving:
-            begin, end = (
-                self._simulation.body_pose(body, at_ns) @ body_from_geom
-                for at_ns in (begin_ns, end_ns)
+        poses = {
+            body: [self._simulation.body_pose(body, at_ns) for at_ns in (begin_ns, end_ns)]
+            for body in {body for body, _, _ in self._moving}
+        }
+        return [
+            _core.ShapeMotion(
+                shape, begin=poses[body][0] @ body_from_geom, end=poses[body][1] @ body_from_geom
             )
-            motions.append(_core.ShapeMotion(shape, begin=begin, end=end))
-        return motions
+            for body, shape, body_from_geom in self._moving
+        ]
 
     def radiance(
         self,
