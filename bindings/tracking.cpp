@@ -8,6 +8,7 @@
 #include "tracking/descriptor_match.hpp"
 #include "tracking/harris.hpp"
 #include "tracking/interest_points.hpp"
+#include "tracking/mser.hpp"
 #include "tracking/sift.hpp"
 #include "tracking/stereo_match.hpp"
 #include "tracking/subpixel.hpp"
@@ -107,6 +108,18 @@ nb::ndarray<nb::numpy, float> detect_corners(const ImageArray& image,
     std::vector<InterestPoint> points;
     HarrisDetector(options).detect(view, {}, points);
     for (const auto& p : points) rows.push_back({p.x, p.y, p.score});
+  }
+  return to_numpy(std::move(rows));
+}
+
+nb::ndarray<nb::numpy, float> detect_stable_regions(const ImageArray& image) {
+  const ImageView view = image_view(image, "image");
+  std::vector<Eigen::Vector4f> rows;
+  {
+    const nb::gil_scoped_release released;
+    std::vector<Blob> blobs;
+    MserDetector().detect(view, blobs);
+    for (const Blob& b : blobs) rows.push_back({b.x, b.y, b.sigma_px, b.score});
   }
   return to_numpy(std::move(rows));
 }
@@ -232,6 +245,10 @@ void bind_tracking(nb::module_& m) {
         "options"_a = HarrisOptions{},
         "Corners spread over a (height, width) uint8 picture: (N, 3) float32 of x_px, y_px and "
         "score in (grey/px)^2, strongest first.");
+  m.def("detect_stable_regions", &detect_stable_regions, nb::kw_only(), "image"_a.noconvert(),
+        "Maximally stable extremal regions of a (height, width) uint8 picture: (N, 4) float32 of "
+        "x_px and y_px of their centres of mass, geometric mean of their standard deviations along "
+        "both axes in pixels, and 1 less their growth over five grey levels.");
   m.def("describe_points", &describe, nb::kw_only(), "image"_a.noconvert(), "points_px"_a,
         "angles_rad"_a = nb::none(),
         "SIFT descriptors, (N, 128) uint8, of (N, 2) float32 points, upright or turned by angles "

@@ -13,6 +13,7 @@ struct ReconstructionConfig {
   bool uses_dog = true;
   bool uses_harris = true;
   bool uses_fast_hessian = false;
+  bool uses_mser = false;
   bool is_oriented = false;
   int neighbours = 20;
   int sequence_neighbours = 3;
@@ -38,6 +39,7 @@ struct ReconstructionConfig {
     visitor("uses_harris", config.uses_harris, "corners, on a pyramid");
     visitor("uses_fast_hessian", config.uses_fast_hessian,
             "blobs: determinants of Hessians of box filters");
+    visitor("uses_mser", config.uses_mser, "maximally stable extremal regions");
     visitor("is_oriented", config.is_oriented,
             "descriptors turn with what they show: for cameras that roll");
     visitor("neighbours", config.neighbours, 1, 1000,

@@ -21,6 +21,7 @@ DescribedPicture describe(const ImageView& picture, const Camera& camera,
   options.uses_dog = config.uses_dog;
   options.uses_fast_hessian = config.uses_fast_hessian;
   options.uses_harris = config.uses_harris;
+  options.uses_mser = config.uses_mser;
   options.window.is_oriented = config.is_oriented;
   f = describe_regions(picture, options);
   described.focal_px = 0.5 * (camera.fx_px + camera.fy_px);

@@ -3,10 +3,13 @@
 #include <boost/test/unit_test.hpp>
 #include <cmath>
 #include <functional>
+#include <numeric>
 #include <random>
+#include <tuple>
 
 #include "tracking/dog.hpp"
 #include "tracking/fast_hessian.hpp"
+#include "tracking/mser.hpp"
 #include "tracking/synthetic_wall.hpp"
 
 namespace pilotage {
@@ -29,6 +32,12 @@ std::vector<Blob> doubled_dog(const Image& image) {
 std::vector<Blob> fast_hessian(const Image& image) {
   std::vector<Blob> blobs;
   FastHessianDetector().detect(image.view(), blobs);
+  return blobs;
+}
+
+std::vector<Blob> mser(const Image& image) {
+  std::vector<Blob> blobs;
+  MserDetector().detect(image.view(), blobs);
   return blobs;
 }
 
@@ -69,10 +78,19 @@ Image texture_view(double zoom, double shift, double noise_grey, unsigned seed) 
                [&](int x, int y) { return texture.at((x - shift) / zoom, (y - shift) / zoom); });
 }
 
+/// The same, as things of one brightness each before a ground of another.
+Image steep_view(double zoom, double shift, double noise_grey, unsigned seed) {
+  static const SyntheticTexture texture(7, 60, 9, 21);
+  return paint(260, 220, noise_grey, seed, [&](int x, int y) {
+    return 128 + 70 * std::tanh((texture.at((x - shift) / zoom, (y - shift) / zoom) - 128) / 8);
+  });
+}
+
 /// Share of the blobs of the plain view that the other finds at their place and scale again.
-double repeated(const Detect& detect, double zoom, double shift, double noise_grey) {
-  const auto before = detect(texture_view(1, 0, 0, 1));
-  const auto after = detect(texture_view(zoom, shift, noise_grey, 2));
+double repeated(const Detect& detect, double zoom, double shift, double noise_grey,
+                Image (*view)(double, double, double, unsigned) = texture_view) {
+  const auto before = detect(view(1, 0, 0, 1));
+  const auto after = detect(view(zoom, shift, noise_grey, 2));
   int expected = 0, found = 0;
   for (const Blob& b : before) {
     const double x = zoom * b.x + shift, y = zoom * b.y + shift, sigma = zoom * b.sigma_px;
@@ -99,6 +117,105 @@ BOOST_AUTO_TEST_CASE(blobs_are_where_the_spots_are_and_as_large, *boost::unit_te
   check_spots(fast_hessian, {2.3, 2.6, 3.2, 4.1, 6.0, 9.0}, 0, 0.07);
 }
 
+BOOST_AUTO_TEST_CASE(stable_regions_are_ellipses_of_either_polarity) {
+  // Half axes, the angle of the longer one, and greys inside and outside.
+  for (const auto& [a, b, angle, in, out] :
+       {std::tuple{12.0, 7.0, 0.4, 40, 150}, {9.0, 9.0, 0.0, 220, 90}, {20.0, 5.0, -1.1, 60, 90}}) {
+    const double x = 63.3, y = 58.7;
+    const Image image = paint(130, 120, 0.5, 3, [&](int u, int v) {
+      const double along = std::cos(angle) * (u - x) + std::sin(angle) * (v - y);
+      const double across = -std::sin(angle) * (u - x) + std::cos(angle) * (v - y);
+      const double beyond = std::hypot(along / a, across / b) - 1;
+      return out + (in - out) * std::clamp(0.5 - beyond * b, 0.0, 1.0);
+    });
+    const std::vector<Blob> blobs = mser(image);
+    BOOST_TEST_REQUIRE(blobs.size() == 1U);
+    BOOST_TEST(std::hypot(blobs[0].x - x, blobs[0].y - y) < 0.2);
+    // The moments of an ellipse are a quarter of its half axes' squares; pixels on its edge may be
+    // within or not.
+    BOOST_TEST(std::abs(blobs[0].sigma_px - std::sqrt(a * b) / 2) < 0.35);
+    BOOST_TEST(blobs[0].score > 0.75);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(regions_within_regions_are_each_found_and_no_brightness_matters) {
+  const auto rings = [](double gain, int lift) {
+    return paint(160, 160, 0, 1, [&](int u, int v) {
+      const double r = std::hypot(u - 80.0, v - 80.0);
+      return lift + gain * (r < 10 ? 60 : r < 25 ? 120 : r < 45 ? 180 : 250);
+    });
+  };
+  const std::vector<Blob> blobs = mser(rings(1, 0));
+  BOOST_TEST_REQUIRE(blobs.size() == 2U);  // the outermost is more than a tenth of the picture
+  BOOST_TEST(blobs[0].sigma_px == 5.0F, boost::test_tools::tolerance(0.03F));
+  BOOST_TEST(blobs[1].sigma_px == 12.5F, boost::test_tools::tolerance(0.03F));
+  const std::vector<Blob> dim = mser(rings(0.5, 40));
+  BOOST_TEST_REQUIRE(dim.size() == 2U);
+  for (int i = 0; i < 2; ++i) {
+    BOOST_TEST(dim[i].x == blobs[i].x);
+    BOOST_TEST(dim[i].sigma_px == blobs[i].sigma_px);
+  }
+}
+
+/// Every threshold taken by itself: areas of the connected pixels at or below it.
+std::vector<int> areas_below(const Image& image, int level) {
+  std::vector<int> areas, waiting;
+  std::vector<char> is_seen(static_cast<std::size_t>(image.width()) * image.height());
+  const auto visit = [&](int x, int y) {
+    if (x < 0 || y < 0 || x >= image.width() || y >= image.height()) return;
+    char& seen = is_seen[static_cast<std::size_t>(y) * image.width() + x];
+    if (seen || image.row(y)[x] > level) return;
+    seen = 1;
+    waiting.push_back(y * image.width() + x);
+  };
+  for (int start = 0; start < image.width() * image.height(); ++start) {
+    visit(start % image.width(), start / image.width());
+    for (std::size_t i = 0; i < waiting.size(); ++i) {
+      const int x = waiting[i] % image.width(), y = waiting[i] / image.width();
+      visit(x + 1, y), visit(x - 1, y), visit(x, y + 1), visit(x, y - 1);
+    }
+    if (!waiting.empty()) areas.push_back(static_cast<int>(waiting.size()));
+    waiting.clear();
+  }
+  return areas;
+}
+
+BOOST_AUTO_TEST_CASE(stable_regions_are_connected_pixels_of_a_threshold) {
+  const Image image = texture_view(1, 0, 0, 1);
+  const Image inverse = paint(image.width(), image.height(), 0, 1,
+                              [&](int x, int y) { return 255 - image.row(y)[x]; });
+  std::vector<Blob> blobs;
+  MserDetector({.max_area_share = 0.3F}).detect(image.view(), blobs);
+  BOOST_TEST(blobs.size() > 10U);
+  // Whoever is inverted finds the same, bright before dark.
+  std::vector<Blob> swapped;
+  MserDetector({.max_area_share = 0.3F}).detect(inverse.view(), swapped);
+  BOOST_TEST_REQUIRE(swapped.size() == blobs.size());
+  const auto sum = [](const std::vector<Blob>& of) {
+    return std::accumulate(of.begin(), of.end(), 0.0,
+                           [](double all, const Blob& b) { return all + b.x + 3 * b.y; });
+  };
+  BOOST_TEST(sum(swapped) == sum(blobs), boost::test_tools::tolerance(1e-6));
+  // A variation is told by three areas of which two are the thresholds' own.
+  std::vector<double> variations;
+  for (const Image* each : {&image, &inverse}) {
+    for (int level = 0; level < 250; ++level) {
+      const std::vector<int> now = areas_below(*each, level), later = areas_below(*each, level + 5);
+      for (const int area : now) {
+        for (const int larger : later) {
+          if (larger >= area) variations.push_back(static_cast<double>(larger - area) / area);
+        }
+      }
+    }
+  }
+  std::sort(variations.begin(), variations.end());
+  for (const Blob& blob : blobs) {
+    const double wanted = 1 - blob.score;
+    const auto near = std::lower_bound(variations.begin(), variations.end(), wanted - 1e-5);
+    BOOST_TEST((near != variations.end() && *near < wanted + 1e-5));
+  }
+}
+
 BOOST_AUTO_TEST_CASE(blobs_repeat_under_shift_enlargement_and_noise,
                      *boost::unit_test::label("slow")) {
   for (const Detect& detect : {Detect(dog), Detect(fast_hessian)}) {
@@ -106,6 +223,12 @@ BOOST_AUTO_TEST_CASE(blobs_repeat_under_shift_enlargement_and_noise,
     BOOST_TEST(repeated(detect, 2, -110, 0) > 0.8);
     BOOST_TEST(repeated(detect, 1, 0, 4) > 0.8);
   }
+}
+
+BOOST_AUTO_TEST_CASE(stable_regions_repeat_under_shift_enlargement_and_noise) {
+  BOOST_TEST(repeated(mser, 1, 7.3, 0, steep_view) > 0.8);
+  BOOST_TEST(repeated(mser, 1.6, -60, 0, steep_view) > 0.8);
+  BOOST_TEST(repeated(mser, 1, 0, 4, steep_view) > 0.7);
 }
 
 BOOST_AUTO_TEST_CASE(blobs_are_not_found_in_flat_tiny_or_edged_pictures) {
@@ -120,6 +243,7 @@ BOOST_AUTO_TEST_CASE(blobs_are_not_found_in_flat_tiny_or_edged_pictures) {
     BOOST_TEST(dog(*image).empty());
     BOOST_TEST(doubled_dog(*image).empty());
     BOOST_TEST(fast_hessian(*image).empty());
+    BOOST_TEST(mser(*image).empty());
   }
   DogDetector().detect(corner, blobs);
   BOOST_TEST(blobs.empty());
@@ -150,6 +274,8 @@ BOOST_AUTO_TEST_CASE(blob_detectors_refuse_options_out_of_range) {
   BOOST_CHECK_THROW(DogDetector({.min_contrast = -1}), std::invalid_argument);
   BOOST_CHECK_THROW(FastHessianDetector({.max_edge_ratio = 0.5F}), std::invalid_argument);
   BOOST_CHECK_THROW(FastHessianDetector({.border_px = 0}), std::invalid_argument);
+  BOOST_CHECK_THROW(MserDetector({.delta = 0}), std::invalid_argument);
+  BOOST_CHECK_THROW(MserDetector({.max_variation = 2}), std::invalid_argument);
 }
 
 }  // namespace pilotage

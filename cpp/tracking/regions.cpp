@@ -162,6 +162,7 @@ std::vector<Blob> find(ScalePyramid& pyramid, const RegionOptions& options) {
     add_kind();
   }
   if (options.uses_harris && has_room()) find_corners(pyramid, options, kind), add_kind();
+  if (options.uses_mser && has_room()) MserDetector(options.mser).detect(image, kind), add_kind();
   return chosen;
 }
 
@@ -249,8 +250,10 @@ void RegionOptions::validate() const {
   dog.validate();
   fast_hessian.validate();
   harris.validate();
+  mser.validate();
   window.validate();
-  require(uses_dog || uses_fast_hessian || uses_harris, "RegionOptions: no kind of point is used");
+  require(uses_dog || uses_fast_hessian || uses_harris || uses_mser,
+          "RegionOptions: no kind of point is used");
   require(harris_levels >= 1 && harris_levels <= max_levels,
           "RegionOptions: harris_levels " + std::to_string(harris_levels) + " outside 1..14");
   require(max_points >= 1, "RegionOptions: max_points " + std::to_string(max_points) + " below 1");

@@ -9,6 +9,7 @@
 #include "tracking/fast_hessian.hpp"
 #include "tracking/harris.hpp"
 #include "tracking/interest_points.hpp"
+#include "tracking/mser.hpp"
 #include "tracking/scale_space.hpp"
 
 namespace pilotage {
@@ -31,10 +32,12 @@ struct RegionOptions {
   bool uses_dog = true;
   bool uses_fast_hessian = true;
   bool uses_harris = false;
+  bool uses_mser = false;
   DogOptions dog;
   FastHessianOptions fast_hessian;
   HarrisOptions harris = {.points_per_cell = 8};  ///< on every level of a pyramid, in its pixels
   int harris_levels = 4;                          ///< each smaller by the root of two
+  MserOptions mser;
   /// At most so many, spread over the picture: each cell gives its strongest, then its second...
   int max_points = 1500;
   int spread_cell_px = 64;  ///< at least 8

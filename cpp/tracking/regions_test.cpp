@@ -90,7 +90,7 @@ BOOST_AUTO_TEST_CASE(regions_match_where_the_camera_rolled_when_oriented,
 
 BOOST_AUTO_TEST_CASE(regions_of_all_kinds_are_each_kept_once_and_spread) {
   RegionOptions options;
-  options.uses_dog = options.uses_fast_hessian = options.uses_harris = true;
+  options.uses_dog = options.uses_fast_hessian = options.uses_harris = options.uses_mser = true;
   options.dog.min_contrast = 1;
   options.max_points = 200;
   const Image image = spots(1, 0);

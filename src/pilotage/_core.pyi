@@ -381,6 +381,14 @@ def detect_corners(
     Corners spread over a (height, width) uint8 picture: (N, 3) float32 of x_px, y_px and score in (grey/px)^2, strongest first.
     """
 
+def detect_stable_regions(
+    *,
+    image: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)],
+) -> NDArray[numpy.float32]:
+    """
+    Maximally stable extremal regions of a (height, width) uint8 picture: (N, 4) float32 of x_px and y_px of their centres of mass, geometric mean of their standard deviations along both axes in pixels, and 1 less their growth over five grey levels.
+    """
+
 def describe_points(
     *,
     image: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), device="cpu", writable=False)],
@@ -1514,6 +1522,10 @@ class ReconstructionConfig:
     @property
     def uses_fast_hessian(self) -> object:
         """blobs: determinants of Hessians of box filters"""
+
+    @property
+    def uses_mser(self) -> object:
+        """maximally stable extremal regions"""
 
     @property
     def is_oriented(self) -> object:
