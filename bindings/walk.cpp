@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "reconstruction/walk.hpp"
 
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
@@ -22,6 +23,36 @@ WalkReconstruction reconstruct_arrays(const std::vector<ImageArray>& pictures,
   return reconstruct_walk(views, cameras, camera_of_picture, account, config);
 }
 
+std::optional<LengthEstimate> length_by_marks(
+    const MarkAccount& marks, const std::vector<std::optional<Transform>>& camera_from_world) {
+  return mark_length(marks, camera_from_world);
+}
+
+void bind_marks(nb::module_& m) {
+  nb::class_<MarkSighting>(m, "MarkSighting", "A square mark as a picture shows it.")
+      .def(
+          "__init__",
+          [](MarkSighting* self, int picture, int mark, const std::array<Eigen::Vector3d, 4>& rays,
+             double sigma_rad) { new (self) MarkSighting{picture, mark, rays, sigma_rad}; },
+          nb::kw_only(), "picture"_a, "mark"_a, "rays"_a, "sigma_rad"_a,
+          "Number of the picture and of the mark; rays: (3,) unit, in the camera, of its four "
+          "corners one after another; sigma_rad: of each along either axis.")
+      .def_ro("picture", &MarkSighting::picture)
+      .def_ro("mark", &MarkSighting::mark);
+  nb::class_<MarkAccount>(m, "MarkAccount", "Squares in pictures, all with a side of one length.")
+      .def(
+          "__init__",
+          [](MarkAccount* self, std::vector<MarkSighting> sightings, double side_m,
+             double side_sigma_m) {
+            new (self) MarkAccount{std::move(sightings), side_m, side_sigma_m};
+          },
+          nb::kw_only(), "sightings"_a, "side_m"_a, "side_sigma_m"_a)
+      .def_ro("sightings", &MarkAccount::sightings);
+  m.def("mark_length", &length_by_marks, nb::kw_only(), "marks"_a, "camera_from_world"_a,
+        "By what marks ask a model's lengths to be multiplied, None where they say nothing. "
+        "camera_from_world: of each picture, None without a pose. Throws ValueError.");
+}
+
 void bind_account(nb::module_& m) {
   nb::class_<StepAccount>(m, "StepAccount",
                           "How a robot believes to have come from the stop before to this one.")
@@ -41,22 +72,24 @@ void bind_account(nb::module_& m) {
           [](WalkAccount* self, std::vector<int> stop_of_picture,
              std::vector<Transform> stop_from_camera, std::vector<Matrix6d> joint_covariances,
              std::vector<std::optional<StepAccount>> steps, double common_step_sigma,
-             double height_sigma_m) {
+             double height_sigma_m, MarkAccount marks) {
             new (self) WalkAccount{std::move(stop_of_picture),
                                    std::move(stop_from_camera),
                                    std::move(joint_covariances),
                                    std::move(steps),
                                    common_step_sigma,
-                                   height_sigma_m};
+                                   height_sigma_m,
+                                   std::move(marks)};
           },
           nb::kw_only(), "stop_of_picture"_a, "stop_from_camera"_a, "joint_covariances"_a,
           "steps"_a, "common_step_sigma"_a = 0.05, "height_sigma_m"_a = 0.005,
+          "marks"_a = MarkAccount{},
           "Of each picture: its stop, ascending from 0, where its camera was in the stop by the "
           "joints, and the (6, 6) covariance of that (place in the stop's axes, turn about the "
-          "camera's own). Of each stop: its step, None "
-          "for "
-          "the first and where none is known. common_step_sigma: part of a length by which all "
-          "steps err alike; height_sigma_m: of the cameras above the floor, by the legs.");
+          "camera's own). Of each stop: its step, None for the first and where none is known. "
+          "common_step_sigma: part of a length by which all steps err alike; height_sigma_m: of "
+          "the "
+          "cameras above the floor, by the legs; marks: squares of known side in the pictures.");
 }
 
 void bind_lengths(nb::module_& m) {
@@ -64,13 +97,14 @@ void bind_lengths(nb::module_& m) {
       .value("joints", LengthSource::joints,
              "The cameras' offsets while the head turns and the legs crouch.")
       .value("steps", LengthSource::steps, "The way from stop to stop as the robot believes it.")
-      .value("ground", LengthSource::ground, "The cameras' height above the floor they see.");
+      .value("ground", LengthSource::ground, "The cameras' height above the floor they see.")
+      .value("marks", LengthSource::marks, "Squares of a known side.");
   nb::class_<LengthEstimate>(m, "LengthEstimate",
                              "By what a model's lengths are to be multiplied, by one source.")
       .def_ro("source", &LengthEstimate::source)
       .def_ro("factor", &LengthEstimate::factor)
       .def_ro("sigma", &LengthEstimate::sigma)
-      .def_ro("count", &LengthEstimate::count, "Pictures, steps or places it comes from.");
+      .def_ro("count", &LengthEstimate::count, "Pictures, steps, places or marks it comes from.");
 }
 
 void bind_stops(nb::module_& m) {
@@ -94,6 +128,7 @@ void bind_stops(nb::module_& m) {
 }  // namespace
 
 void bind_walk(nb::module_& m) {
+  bind_marks(m);
   bind_account(m);
   bind_stops(m);
   bind_lengths(m);

@@ -43,6 +43,7 @@ void WalkAccount::check(int pictures) const {
   has_length(stop_of_picture.size(), "stop_of_picture");
   has_length(stop_from_camera.size(), "stop_from_camera");
   has_length(joint_covariances.size(), "joint_covariances");
+  marks.check(pictures);
   if (!(common_step_sigma > 0) || !(height_sigma_m > 0)) {
     refuse("common_step_sigma and height_sigma_m must be > 0, got " +
            std::to_string(common_step_sigma) + " and " + std::to_string(height_sigma_m));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "geometry/transform.hpp"
+#include "reconstruction/mark_length.hpp"
 
 namespace pilotage {
 
@@ -34,6 +35,7 @@ struct WalkAccount {
   std::vector<std::optional<StepAccount>> steps;  ///< one a stop; the first has none
   double common_step_sigma = 0.05;  ///< part of a length, by which all steps err alike
   double height_sigma_m = 0.005;    ///< of the cameras above the floor, by the legs
+  MarkAccount marks;                ///< squares of known side that its pictures show
 
   int stop_count() const { return static_cast<int>(steps.size()); }
   /// Throws std::invalid_argument naming what contradicts itself.

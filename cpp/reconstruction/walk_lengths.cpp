@@ -18,8 +18,6 @@ constexpr int min_floor_places = 30;
 
 /// Steps that say hardly anything are this much less sure of places.
 constexpr double weakened = 1e6;
-/// What a source leaves less sure than this says nothing.
-constexpr double max_sigma = 0.5;
 
 /// The account without the steps' lengths; turns are told as before.
 WalkAccount joints_only(WalkAccount account) {
@@ -67,7 +65,7 @@ std::optional<LengthEstimate> by_joints(const Scene& scene, const Stops& stops,
   adjust_scene(seen, posed, config, {.max_iterations = 8, .relative_cost_change = 1e-8}, &alone);
   const double factor = seen.camera_spread() / scene.camera_spread();
   const double sigma = factor * sigma_of(seen, alone, config);
-  if (!(sigma < max_sigma)) return std::nullopt;
+  if (!(sigma < max_length_sigma)) return std::nullopt;
   return LengthEstimate{LengthSource::joints, factor, sigma, static_cast<int>(posed.size())};
 }
 
@@ -86,7 +84,7 @@ std::optional<LengthEstimate> by_steps(const Stops& stops) {
     product += weighted.dot(step.previous_from_stop.translation);
     ++count;
   }
-  if (!(information * max_sigma * max_sigma > 1)) return std::nullopt;
+  if (!(information * max_length_sigma * max_length_sigma > 1)) return std::nullopt;
   // A walk's own scale errs for all steps alike.
   const double sigma = std::hypot(1 / std::sqrt(information), stops.account().common_step_sigma);
   return LengthEstimate{LengthSource::steps, product / information, sigma, count};
@@ -137,36 +135,23 @@ std::optional<LengthEstimate> by_ground(const Scene& scene, const Stops& stops) 
                         sigma_m / (height_m - floor_m), static_cast<int>(best)};
 }
 
+std::optional<LengthEstimate> by_marks(const Scene& scene, const Stops& stops) {
+  std::vector<std::optional<Transform>> poses(scene.picture_count());
+  for (const int picture : scene.posed_pictures())
+    poses[picture] = scene.camera_from_world(picture);
+  return mark_length(stops.account().marks, poses);
+}
+
 }  // namespace
 
 std::vector<LengthEstimate> length_estimates(const Scene& scene, const Stops& stops,
                                              const ReconstructionConfig& config) {
   std::vector<LengthEstimate> estimates;
-  for (const auto& estimate :
-       {by_joints(scene, stops, config), by_steps(stops), by_ground(scene, stops)}) {
+  for (const auto& estimate : {by_joints(scene, stops, config), by_steps(stops),
+                               by_ground(scene, stops), by_marks(scene, stops)}) {
     if (estimate) estimates.push_back(*estimate);
   }
   return estimates;
-}
-
-std::optional<LengthEstimate> combined_length(const std::vector<LengthEstimate>& estimates) {
-  double information = 0, sum = 0, misfit = 0;
-  int count = 0;
-  for (const LengthEstimate& estimate : estimates) {
-    const double weight = 1 / (estimate.sigma * estimate.sigma);
-    information += weight;
-    sum += weight * estimate.factor;
-    count += estimate.count;
-  }
-  if (estimates.empty()) return std::nullopt;
-  const double factor = sum / information;
-  for (const LengthEstimate& estimate : estimates) {
-    const double error = (estimate.factor - factor) / estimate.sigma;
-    misfit += error * error;
-  }
-  const double freedom = std::max(1.0, static_cast<double>(estimates.size()) - 1);
-  return LengthEstimate{estimates.front().source, factor,
-                        std::sqrt(std::max(1.0, misfit / freedom) / information), count};
 }
 
 }  // namespace pilotage

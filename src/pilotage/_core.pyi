@@ -1694,6 +1694,42 @@ def reconstruct(
     Structure from motion of (height, width) uint8 pictures by calibrated cameras; camera_of_picture[i] is an index into cameras. The order of the pictures does not change the model. ValueError for contradictory input; what cannot be solved is in `fates`.
     """
 
+class MarkSighting:
+    """A square mark as a picture shows it."""
+
+    def __init__(
+        self,
+        *,
+        picture: int,
+        mark: int,
+        rays: Sequence[Annotated[NDArray[numpy.float64], dict(shape=(3), order="C")]],
+        sigma_rad: float,
+    ) -> None:
+        """
+        Number of the picture and of the mark; rays: (3,) unit, in the camera, of its four corners one after another; sigma_rad: of each along either axis.
+        """
+
+    @property
+    def picture(self) -> int: ...
+    @property
+    def mark(self) -> int: ...
+
+class MarkAccount:
+    """Squares in pictures, all with a side of one length."""
+
+    def __init__(
+        self, *, sightings: Sequence[MarkSighting], side_m: float, side_sigma_m: float
+    ) -> None: ...
+    @property
+    def sightings(self) -> list[MarkSighting]: ...
+
+def mark_length(
+    *, marks: MarkAccount, camera_from_world: Sequence[Transform | None]
+) -> LengthEstimate | None:
+    """
+    By what marks ask a model's lengths to be multiplied, None where they say nothing. camera_from_world: of each picture, None without a pose. Throws ValueError.
+    """
+
 class StepAccount:
     """How a robot believes to have come from the stop before to this one."""
 
@@ -1723,9 +1759,10 @@ class WalkAccount:
         steps: Sequence[StepAccount | None],
         common_step_sigma: float = 0.05,
         height_sigma_m: float = 0.005,
+        marks: MarkAccount = ...,
     ) -> None:
         """
-        Of each picture: its stop, ascending from 0, where its camera was in the stop by the joints, and the (6, 6) covariance of that (place in the stop's axes, turn about the camera's own). Of each stop: its step, None for the first and where none is known. common_step_sigma: part of a length by which all steps err alike; height_sigma_m: of the cameras above the floor, by the legs.
+        Of each picture: its stop, ascending from 0, where its camera was in the stop by the joints, and the (6, 6) covariance of that (place in the stop's axes, turn about the camera's own). Of each stop: its step, None for the first and where none is known. common_step_sigma: part of a length by which all steps err alike; height_sigma_m: of the cameras above the floor, by the legs; marks: squares of known side in the pictures.
         """
 
 class StopFate(enum.Enum):
@@ -1780,6 +1817,9 @@ class LengthSource(enum.Enum):
     ground = 2
     """The cameras' height above the floor they see."""
 
+    marks = 3
+    """Squares of a known side."""
+
 class LengthEstimate:
     """By what a model's lengths are to be multiplied, by one source."""
 
@@ -1791,7 +1831,7 @@ class LengthEstimate:
     def sigma(self) -> float: ...
     @property
     def count(self) -> int:
-        """Pictures, steps or places it comes from."""
+        """Pictures, steps, places or marks it comes from."""
 
 class WalkReconstruction:
     """

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from pilotage import PictureFate, __version__
+from pilotage import LengthSource, PictureFate, __version__
 from pilotage.atomic_files import write_atomically
 from pilotage.behaviors.reconstruct import FATE_WORDS
 from pilotage.models import Model, write_colmap_binary, write_colmap_text, write_ply, write_tum
@@ -26,9 +26,34 @@ from pilotage.results import (
 )
 
 if TYPE_CHECKING:
-    from pilotage import Reconstruction, ReconstructionConfig
+    from pilotage import LengthEstimate, Reconstruction, ReconstructionConfig
 
 MODEL_FILES = (*FILES, CLOUD_WITH_CAMERAS, f"{COLMAP_TEXT}/*.*", f"{COLMAP_BINARY}/*.*")
+
+
+# What a person reads of what tells how long a metre is.
+LENGTH_WORDS: Mapping[LengthSource, str] = {
+    LengthSource.joints: "head and legs, which move the cameras",
+    LengthSource.steps: "the steps it believes to have taken",
+    LengthSource.ground: "the cameras' height above the floor",
+    LengthSource.marks: "marks of a known size",
+}
+
+
+def length_summary(
+    sources: Sequence[LengthEstimate], factor: float, sigma: float
+) -> dict[str, Any]:
+    """Return by what each source would have lengths multiplied, and what was done."""
+    told = [
+        {
+            "source": LENGTH_WORDS[one.source],
+            "factor": one.factor,
+            "sigma": one.sigma,
+            "count": one.count,
+        }
+        for one in sources
+    ]
+    return {"sources": told, "factor": factor, "sigma": sigma}
 
 
 def model_summary(  # noqa: PLR0913, all that is told of a model

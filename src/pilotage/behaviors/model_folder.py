@@ -15,7 +15,7 @@ import yaml
 
 from pilotage import PictureFate
 from pilotage.atomic_files import write_atomically, write_each
-from pilotage.behaviors.model_files import MODEL_FILES, model_summary, model_writes
+from pilotage.behaviors.model_files import MODEL_FILES, length_summary, model_summary, model_writes
 from pilotage.behaviors.reconstruct import (
     FATE_WORDS,
     NOMINAL_FOCAL_SIGMA,
@@ -24,6 +24,7 @@ from pilotage.behaviors.reconstruct import (
     read_greys,
     solve,
 )
+from pilotage.behaviors.square_marks import MarkSize, find_marks
 from pilotage.calibration.one_camera import camera_of_view, load_camera
 from pilotage.calibration.own import camera_values
 from pilotage.errors import InputError
@@ -39,7 +40,7 @@ from pilotage.results import (
 )
 
 if TYPE_CHECKING:
-    from pilotage import Camera, ReconstructionConfig
+    from pilotage import Camera, LengthEstimate, ReconstructionConfig
     from pilotage.recordings.frames import Grey
 
 
@@ -52,12 +53,14 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     ordered: bool,
     config: ReconstructionConfig,
     refine_fov: bool = False,
+    marks: MarkSize | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Reconstruct the pictures of a folder, write the folder `out`, and return its summary.
 
     The camera is that of `calibration`, of a file beside the pictures, or a pinhole of `fov_deg`.
-    `refine_fov` looks for a better field of view than `fov_deg`.
+    `refine_fov` looks for a better field of view than `fov_deg`. `marks` are squares of a known
+    side in the pictures: lengths are metres then.
     InputError where there are no pictures, no camera, or `out` is not free; RunError where a file
     cannot be written: what can be is.
     """
@@ -73,9 +76,13 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     claim_folder(out, MODEL_FILES)
     names = [file.name for file in files]
     found = solve(greys, names, camera=camera, ordered=ordered, config=config)
+    length = None if marks is None else _length(found, greys, marks)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(pictures, found, ordered=ordered) | cost
-    model = coloured(found.model, {file.name: file for file in files})
+    if marks is not None:
+        summary |= _length_facts(length, marks)
+    metric = found.model if length is None else found.model.scaled(length.factor)
+    model = coloured(metric, {file.name: file for file in files})
     times_ns = picture_times(files)
     errors = write_each(_writes(out, model, found.camera, config, summary, times_ns))
     if errors:
@@ -129,6 +136,26 @@ def with_refinement(
     if not refine_fov or is_set:
         return config
     return type(config).from_dict({**values, "focal_sigma": NOMINAL_FOCAL_SIGMA})
+
+
+def _length(found: Reconstructed, greys: Sequence[Grey], marks: MarkSize) -> LengthEstimate | None:
+    """Return by what lengths are to be multiplied to be metres, None where no mark tells."""
+    from pilotage import _core
+
+    account = find_marks(greys, [found.camera], [0] * len(greys), marks)
+    poses = dict(zip(found.model.names, found.model.camera_from_world, strict=True))
+    return _core.mark_length(
+        marks=account, camera_from_world=[poses.get(name) for name in found.names]
+    )
+
+
+def _length_facts(length: LengthEstimate | None, marks: MarkSize) -> dict[str, Any]:
+    if length is not None:
+        return {"unit": "m", "lengths": length_summary([length], length.factor, length.sigma)}
+    return {
+        "length_fault": f"no mark of the family {marks.family} is seen whole and sharp in two"
+        " placed pictures from places well apart: lengths are in the model's own unit"
+    }
 
 
 def _focal_summary(found: Reconstructed) -> dict[str, Any]:

@@ -3,26 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pilotage import LengthSource, StopFate, Transform
+from pilotage import StopFate, Transform
 from pilotage.behaviors.reconstruct import model_of
+from pilotage.behaviors.square_marks import MarkSize, find_marks
 from pilotage.models import Model
 
 if TYPE_CHECKING:
-    from pilotage import PlacedStop, ReconstructionConfig, WalkReconstruction
+    from pilotage import MarkAccount, PlacedStop, ReconstructionConfig, WalkReconstruction
     from pilotage.behaviors.walk_account import RecordedWalk
-
-LENGTH_WORDS: Mapping[LengthSource, str] = {
-    LengthSource.joints: "head and legs, which move the cameras",
-    LengthSource.steps: "the steps it believes to have taken",
-    LengthSource.ground: "the cameras' height above the floor",
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,10 +61,14 @@ def walk_config() -> ReconstructionConfig:
     return ReconstructionConfig.from_dict({"motions": 2})
 
 
-def place_walk(walk: RecordedWalk, config: ReconstructionConfig | None = None) -> PlacedWalk:
+def place_walk(
+    walk: RecordedWalk,
+    config: ReconstructionConfig | None = None,
+    marks: MarkSize | None = None,
+) -> PlacedWalk:
     """Return where a walk's stops are, from its pictures, its joints and its steps together.
 
-    What cannot be solved is said stop by stop.
+    Marks of a known size tell of lengths as well. What cannot be solved is said stop by stop.
     """
     from pilotage import _core
 
@@ -80,11 +78,18 @@ def place_walk(walk: RecordedWalk, config: ReconstructionConfig | None = None) -
         pictures=[picture.picture for picture in walk.pictures],
         cameras=list(walk.cameras),
         camera_of_picture=cameras,
-        account=walk.account(),
+        account=walk.account(_marks_of(walk, cameras, marks)),
         config=config,
     )
     model = model_of(walk.names, walk.cameras, cameras, result.model)
     return PlacedWalk(walk=walk, model=model, result=result)
+
+
+def _marks_of(walk: RecordedWalk, cameras: list[int], size: MarkSize | None) -> MarkAccount | None:
+    if size is None:
+        return None
+    greys = [picture.picture for picture in walk.pictures]
+    return find_marks(greys, walk.cameras, cameras, size)
 
 
 def what_became(stops: list[PlacedStop]) -> list[str]:

@@ -25,7 +25,7 @@ from pilotage.recordings.frames import BadFrame
 from pilotage.recordings.single import PictureRecording, SinglePicture
 
 if TYPE_CHECKING:
-    from pilotage import Camera, StepAccount, WalkAccount
+    from pilotage import Camera, MarkAccount, StepAccount, WalkAccount
 
 # How much a walk of two legs errs, and the floor it walks on: metres and radians, then their growth
 # with the way (m) and the turn (rad). A tenth of the way is what the second paper's robot errs; the
@@ -67,8 +67,8 @@ class RecordedWalk:
         stops = self.stop_of_picture
         return tuple(p for i, p in enumerate(self.pictures) if i == 0 or stops[i] > stops[i - 1])
 
-    def account(self) -> WalkAccount:
-        """Return what joints and steps tell."""
+    def account(self, marks: MarkAccount | None = None) -> WalkAccount:
+        """Return what joints and steps tell, and marks of a known size where there are any."""
         from pilotage import _core
 
         odometry = [first.odom_from_robot for first in self.firsts]
@@ -77,6 +77,7 @@ class RecordedWalk:
             stop_from_camera=[_seat(picture) for picture in self.pictures],
             joint_covariances=[_joint_covariance(picture) for picture in self.pictures],
             steps=[None, *(_step(a, b) for a, b in pairwise(odometry))],
+            marks=marks or _core.MarkAccount(sightings=[], side_m=1.0, side_sigma_m=0.0),
         )
 
 

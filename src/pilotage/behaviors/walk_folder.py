@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from pilotage import StopFate
 from pilotage.atomic_files import write_atomically, write_each
-from pilotage.behaviors.model_files import MODEL_FILES, model_summary, model_writes
-from pilotage.behaviors.walk import LENGTH_WORDS, PlacedWalk, place_walk, walk_config, what_became
+from pilotage.behaviors.model_files import MODEL_FILES, length_summary, model_summary, model_writes
+from pilotage.behaviors.square_marks import MarkSize
+from pilotage.behaviors.walk import PlacedWalk, place_walk, walk_config, what_became
 from pilotage.behaviors.walk_account import RecordedWalk, read_walk
 from pilotage.config import load_reconstruction_config
 from pilotage.evaluation.metrics import evaluate_trajectory
@@ -43,15 +44,18 @@ WALK_FILES = (*MODEL_FILES, STOPS, TUM_TORSO, f"{WALK_PICTURES}/stop*.png", f"{W
 TRUTH_WITHIN_NS = 100_000_000
 
 
-def reconstruct_recording(
+def reconstruct_recording(  # noqa: PLR0913, all by name
     *,
     recording: Path,
     out: Path,
     config: Path | None = None,
     settings: Sequence[str] = (),
+    marks: MarkSize | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Place the stops of a recorded walk, write the folder `out`, and return its summary.
+
+    `marks` are squares of a known side in its pictures.
 
     InputError where the recording holds no pictures of a robot that stands, or `out` is not free;
     RunError where a file cannot be written: what can be is.
@@ -61,7 +65,7 @@ def reconstruct_recording(
     check_free(out, overwrite=overwrite)
     claim_folder(out, WALK_FILES)
     start, start_cpu = time.perf_counter(), time.process_time()
-    placed = place_walk(walk, chosen)
+    placed = place_walk(walk, chosen, marks)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(recording, placed) | cost
     errors = write_each(_writes(out, placed, chosen, summary))
@@ -84,26 +88,11 @@ def _summary(recording: Path, placed: PlacedWalk) -> dict[str, Any]:
         "stops_found": [i for i, stop in enumerate(stops) if stop.fate == StopFate.found],
         "stops_lost": [i for i, stop in enumerate(stops) if stop.fate == StopFate.lost],
         "set_aside": [stop.set_aside for stop in stops],
-        "lengths": lengths_of(placed), "truth": against_truth(placed),
+        "lengths": length_summary(
+            placed.result.lengths, placed.result.length_factor, placed.result.length_sigma
+        ),
+        "truth": against_truth(placed),
     }  # fmt: skip
-
-
-def lengths_of(placed: PlacedWalk) -> dict[str, Any]:
-    """Return by what each source would have lengths multiplied, and what was done."""
-    result = placed.result
-    return {
-        "sources": [
-            {
-                "source": LENGTH_WORDS[one.source],
-                "factor": one.factor,
-                "sigma": one.sigma,
-                "count": one.count,
-            }
-            for one in result.lengths
-        ],
-        "factor": result.length_factor,
-        "sigma": result.length_sigma,
-    }
 
 
 def true_stops(walk: RecordedWalk) -> NDArray[np.float64] | None:

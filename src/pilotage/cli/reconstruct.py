@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from pilotage.cli import options
 from pilotage.cli.drawing import draw_report
 from pilotage.cli.errors import FAILED, errors_to_exit, fail, say_warning
 from pilotage.errors import InputError
+
+if TYPE_CHECKING:
+    from pilotage.behaviors.square_marks import MarkSize
 
 
 def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
@@ -32,6 +35,15 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
             "--refine-fov", help="Find a better field of view than --fov-deg from the pictures."
         ),
     ] = False,
+    mark_size_m: Annotated[
+        float | None,
+        typer.Option(
+            help="Side of the black square of printed marks (AprilTag, ArUco) that the pictures"
+            " show, for lengths in metres.",
+            show_default=False,
+        ),
+    ] = None,
+    mark_family: Annotated[str, typer.Option(help="Family of the marks.")] = "apriltag-36h11",
     unordered: Annotated[
         bool, typer.Option("--unordered", help="The pictures do not follow each other.")
     ] = False,
@@ -45,7 +57,8 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
 
     Find where each picture was taken and what it shows, from pictures alone (structure from
     motion). The model is written for COLMAP (text and binary), as PLY and as a trajectory, and
-    shown by a report; lengths are in the model's own unit. Pictures that cannot be placed are
+    shown by a report; lengths are in the model's own unit, or in metres where --mark-size-m tells
+    the side of printed marks. Pictures that cannot be placed are
     named with the reason.
 
     Of a recorded walk with stops (pilotage simulate office --robot nao) all cameras and turns of
@@ -55,6 +68,7 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
     with errors_to_exit(debug=debug):
         from pilotage.recordings.motion import find_mcap
 
+        marks = _mark_size(mark_size_m, mark_family)
         if find_mcap(source) is None:
             from pilotage.behaviors.model_folder import reconstruct_folder
             from pilotage.config import load_reconstruction_config
@@ -67,6 +81,7 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
                 ordered=not unordered,
                 config=load_reconstruction_config(config, settings or []),
                 refine_fov=refine_fov,
+                marks=marks,
                 overwrite=overwrite,
             )
         else:
@@ -78,12 +93,21 @@ def reconstruct(  # noqa: PLR0913, PLR0917, an argument for each option
                 out=out,
                 config=config,
                 settings=settings or [],
+                marks=marks,
                 overwrite=overwrite,
             )
         fault = draw_report("pilotage.evaluation.model_report", out) if report else None
         _conclude(summary, out)
         if fault is not None:
             fail(f"report not drawn: {fault}", FAILED)
+
+
+def _mark_size(side_m: float | None, family: str) -> MarkSize | None:
+    if side_m is None:
+        return None
+    from pilotage.behaviors.square_marks import MarkSize
+
+    return MarkSize(side_m=side_m, family=family)
 
 
 def _check_options_of_walk(
@@ -112,6 +136,8 @@ def _conclude(summary: dict[str, Any], out: Path) -> None:
             say_warning(f"{name}: {words}")
         if summary["posed"] and summary["verdict"].startswith("unsure"):
             say_warning(summary["verdict"])
+    if summary["posed"] and "length_fault" in summary:
+        say_warning(f"--mark-size-m: {summary['length_fault']}")
     if summary["posed"] == 0:
         fail(model_words(summary), FAILED)
     shown = REPORT if (out / REPORT).exists() else SUMMARY

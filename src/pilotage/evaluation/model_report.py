@@ -127,6 +127,9 @@ def _cloud(
     said = "Up is the mean of what is up in the pictures; 0 is where the first picture was taken."
     if stops is not None:
         said = "Up is as the robot stood at the first stop; 0 is between its feet there."
+    if is_metric and stops is None:
+        sigma = summary["lengths"]["sigma"] / summary["lengths"]["factor"]
+        said += f" Lengths are metres by marks of a known size, to {100 * sigma:.1f} %."
     if not is_metric:
         said += (
             " From pictures alone the size is unknown: lengths are in a unit of the model's own."

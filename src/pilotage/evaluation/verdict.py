@@ -24,6 +24,10 @@ def model_words(summary: Mapping[str, Any]) -> str:
         f"{summary['posed']} of {summary['pictures']} pictures placed, {summary['points']} points,"
         f" residuals {summary['rms_px']:.2f} px rms, {summary['wall_s']:.1f} s"
     )
+    if "lengths" in summary:
+        lengths = summary["lengths"]
+        sigma = lengths["sigma"] / lengths["factor"]
+        words += f"; lengths known to {100 * sigma:.1f} % by {lengths['sources'][0]['source']}"
     if summary.get("focal_px") is not None:
         words += (
             f"; focal length {summary['focal_px']:.1f} ± {summary['focal_sigma_px']:.1f} px,"

@@ -102,7 +102,7 @@ def _length_table(lengths: Mapping[str, Any]) -> str:
     ]
     taken = [f"{lengths['factor']:.4f}", f"\N{PLUS-MINUS SIGN} {lengths['sigma']:.4f}", ""]
     rows.append(["all together, which lengths were multiplied by", *taken])
-    heads = ("by", "factor", "standard error", "pictures, steps, places")
+    heads = ("by", "factor", "standard error", "pictures, steps, places, marks")
     return _table(heads, rows, text=1)
 
 

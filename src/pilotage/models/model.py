@@ -68,6 +68,18 @@ class Model:
         poses = [pose.inverse().matrix() for pose in self.camera_from_world]
         return np.array(poses).reshape(-1, 4, 4)
 
+    def scaled(self, factor: float) -> Model:
+        """Return the model with all lengths multiplied."""
+        poses = tuple(
+            Transform(
+                translation_m=(factor * np.asarray(pose.translation_m)).tolist(),
+                quaternion_wxyz=np.asarray(pose.quaternion_wxyz).tolist(),
+            )
+            for pose in self.camera_from_world
+        )
+        points = factor * self.points_in_world
+        return Model(**{**vars(self), "camera_from_world": poses, "points_in_world": points})
+
     def reprojection_errors_px(self) -> NDArray[np.float64]:
         """Return (M,) distances between seen and projected; NaN behind a camera or its lens."""
         errors = np.full(len(self.pixel_px), np.nan)
