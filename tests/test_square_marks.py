@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,29 @@ from program import call, said
 from rendering import PinholeCamera, Renderer, World
 
 from pilotage import Camera, LengthSource, Transform, _core
-from pilotage.behaviors.square_marks import MarkSize, find_marks
+from pilotage.behaviors.square_marks import FAMILIES, MarkSize, find_marks
+from pilotage.behaviors.walk import place_walk
+from pilotage.behaviors.walk_account import RecordedWalk, read_walk
 from pilotage.models import read_colmap_text
+from pilotage.recordings import open_pictures
+from pilotage.recordings.motion import nearest
 
 PINHOLE = PinholeCamera(480, 360, 420.0, 420.0, 239.5, 179.5)
 FOV_DEG = float(np.degrees(2 * np.arctan(240 / 420)))
 SIDE_M = 0.18
 STEP_M = 0.15
-FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 FINE = 4  # samples of a pixel along either axis
+Lens = PinholeCamera
+
+
+@dataclass(frozen=True)
+class Mark:
+    """An upright square about a place, seen from where `along` goes to the right."""
+
+    number: int
+    centre: tuple[float, float, float]
+    along: tuple[float, float, float] = (1, 0, 0)
+    family: str = "apriltag-36h11"
 
 
 def corner_of_room() -> World:
@@ -34,24 +49,27 @@ def corner_of_room() -> World:
     return world
 
 
-def stick(picture: np.ndarray, mark: int, centre: tuple[float, float], pose: np.ndarray) -> None:
-    """Draw a mark that lies on the wall y = 2 m, with a white rim as broad as its bits."""
-    rim = 10
-    sheet = np.full((100, 100), 255, np.uint8)
-    sheet[rim:-rim, rim:-rim] = cv2.aruco.generateImageMarker(FAMILY, mark, 100 - 2 * rim)
-    half = SIDE_M / 2 * 100 / (100 - 2 * rim)
-    on_wall = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) * half + centre
-    points = np.column_stack([on_wall[:, 0], np.full(4, 2.0), on_wall[:, 1]])
+def stick(picture: np.ndarray, mark: Mark, pose: np.ndarray, lens: Lens) -> None:
+    """Draw a mark before all else, with a white rim as broad as its bits."""
+    rim, whole = 10, 100
+    sheet = np.full((whole, whole), 255, np.uint8)
+    family = cv2.aruco.getPredefinedDictionary(FAMILIES[mark.family])
+    sheet[rim:-rim, rim:-rim] = cv2.aruco.generateImageMarker(family, mark.number, whole - 2 * rim)
+    half = SIDE_M / 2 * whole / (whole - 2 * rim)
+    sides = half * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
+    points = mark.centre + sides[:, :1] * np.array(mark.along) + sides[:, 1:] * (0, 0, 1)
     in_camera = (points - pose[:3, 3]) @ pose[:3, :3]
-    px = in_camera[:, :2] / in_camera[:, 2:] * PINHOLE.fx + (PINHOLE.cx, PINHOLE.cy)
+    if in_camera[:, 2].min() < 0.2:
+        return
+    px = in_camera[:, :2] / in_camera[:, 2:] * (lens.fx, lens.fy) + (lens.cx, lens.cy)
     onto = cv2.getPerspectiveTransform(
-        np.array([[0, 0], [100, 0], [100, 100], [0, 100]], np.float32) - 0.5,
+        np.array([[0, 0], [whole, 0], [whole, whole], [0, whole]], np.float32) - 0.5,
         (FINE * (px + 0.5) - 0.5).astype(np.float32),
     )
-    size = (FINE * PINHOLE.width, FINE * PINHOLE.height)
+    small = lens.width, lens.height
+    size = (FINE * lens.width, FINE * lens.height)
     shown = cv2.warpPerspective(sheet, onto, size, flags=cv2.INTER_AREA)
     cover = cv2.warpPerspective(np.full_like(sheet, 255), onto, size, flags=cv2.INTER_AREA)
-    small = PINHOLE.width, PINHOLE.height
     share = cv2.resize(cover, small, interpolation=cv2.INTER_AREA) / 255
     mean = cv2.resize(shown, small, interpolation=cv2.INTER_AREA)
     picture[:] = np.round((1 - share) * picture + mean).clip(0, 255).astype(np.uint8)
@@ -78,8 +96,8 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for i, pose in enumerate(poses(5)):
         grey = renderer.render(pose) + noise.normal(0, 1.5, (PINHOLE.height, PINHOLE.width))
         picture = np.clip(grey, 0, 255).astype(np.uint8)
-        stick(picture, 3, (0.1, 0.4), pose)
-        stick(picture, 8, (0.45, -0.1), pose)
+        stick(picture, Mark(3, (0.1, 2.0, 0.4)), pose, PINHOLE)
+        stick(picture, Mark(8, (0.45, 2.0, -0.1)), pose, PINHOLE)
         cv2.imwrite(str(folder / f"{i}.png"), picture)
     return folder
 
@@ -147,3 +165,51 @@ def test_corners_are_found_to_a_fraction_of_a_pixel(pictures: Path):
     assert length.source == LengthSource.marks
     assert abs(length.factor - 1) < 4 * length.sigma
     assert length.sigma < 0.008
+
+
+@pytest.fixture(scope="module")
+def marked_walk(tmp_path_factory: pytest.TempPathFactory) -> RecordedWalk:
+    """A Nao's walk of a metre, with a mark before it drawn into every picture that shows it."""
+    out = tmp_path_factory.mktemp("walk") / "office"
+    done = call(
+        "simulate", "office", "--robot", "nao", "--seed", 3, "--set", "person=sit", "--width", 320,
+        "--path", "straight-1m", "--stop-every", 8, "--camera", "ideal", "-o", out,
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    walk = read_walk(open_pictures(out))
+    robot = walk.recording.truth("robot")
+    assert robot is not None
+    x, y, _ = robot.poses[0, :3, 3] + 1.8 * robot.poses[0, :3, 0]
+    right = -robot.poses[0, :3, 1]
+    mark = Mark(5, (x, y, 0.5), tuple(right), family="aruco-4x4")
+    pictures = []
+    for picture in walk.pictures:
+        truth = walk.recording.truth(picture.camera)
+        assert truth is not None
+        at = nearest(truth.timestamps_ns, picture.timestamp_ns, within_ns=10**7)
+        assert at is not None
+        camera = walk.recording.cameras[picture.camera]
+        focal_px, centre_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
+        lens = Lens(camera.width_px, camera.height_px, *focal_px, *centre_px)
+        drawn = np.array(picture.picture)
+        stick(drawn, mark, truth.poses[at], lens)
+        pictures.append(replace(picture, picture=drawn))
+    return replace(walk, pictures=tuple(pictures))
+
+
+@pytest.mark.parametrize("told", [1.0, 1.2])
+def test_marks_are_one_more_source_of_a_walks_lengths(marked_walk: RecordedWalk, told: float):
+    size = MarkSize(side_m=told * SIDE_M, family="aruco-4x4")
+    result = place_walk(marked_walk, marks=size).result
+    estimates = {one.source: one for one in result.lengths}
+    mark, steps = estimates[LengthSource.marks], estimates[LengthSource.steps]
+    assert mark.count == 1
+    assert mark.sigma < 0.02
+    assert mark.factor / told == pytest.approx(steps.factor, abs=4 * np.hypot(0.02, steps.sigma))
+    without = place_walk(marked_walk).result
+    assert LengthSource.marks not in {one.source for one in without.lengths}
+    # A side told wrongly contradicts the others, and nothing is sure any more.
+    if told == 1.0:
+        assert result.length_sigma < 1.5 * without.length_sigma
+    else:
+        assert result.length_sigma > 3 * without.length_sigma
