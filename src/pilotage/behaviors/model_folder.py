@@ -21,6 +21,7 @@ from pilotage.behaviors.reconstruct import (
     Reconstructed,
     focal_fault,
     read_greys,
+    shape_fault,
     solve,
 )
 from pilotage.calibration.one_camera import camera_of_view, load_camera
@@ -173,7 +174,7 @@ def _summary(pictures: Path, found: Reconstructed) -> dict[str, Any]:
 
 def verdict(found: Reconstructed) -> str:
     """Return in a line what the reconstruction amounts to."""
-    if (fault := focal_fault(found)) is not None:
+    if (fault := shape_fault(found) or focal_fault(found)) is not None:
         return f"unsure: {fault}"
     if found.is_whole:
         return "whole"
