@@ -3,7 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "geometry/triangulation.hpp"
 
 namespace pilotage {
 namespace {
@@ -12,6 +15,8 @@ namespace {
 constexpr double most_misfit = 4;
 constexpr std::size_t least_features = 3;
 constexpr int place_rounds = 4;
+/// Distances of two cameras that are as good as infinite.
+constexpr double far = 1000;
 /// A model's mean square is clearly worse: by this factor, of at least so much, and by so many
 /// standard errors of the difference of two explanations of the same tracks (Vuong 1989).
 constexpr double bent_factor = 2.5;
@@ -58,15 +63,32 @@ Eigen::Vector3d best_place(const Scene& scene, const std::vector<FeatureRef>& fe
   return place;
 }
 
-/// Of features of a track, at the place that fits them best. Where a model has no place for what
-/// a few pictures agree on, nothing fits.
+/// Where the rays of a track's first and last feature meet, and far out along the first one:
+/// between them lies what has hardly any angle.
+std::array<Eigen::Vector3d, 2> guesses(const Scene& model,
+                                       const std::vector<FeatureRef>& features) {
+  const FeatureRef &a = features.front(), &b = features.back();
+  const Transform world_from_a = model.camera_from_world(a.picture)->inverse();
+  const Transform b_from_a = *model.camera_from_world(b.picture) * world_from_a;
+  const Eigen::Vector3d ray = model.ray(a);
+  return {world_from_a * intersect_rays(b_from_a, ray, model.ray(b)),
+          world_from_a * Eigen::Vector3d(far * b_from_a.translation.norm() * ray)};
+}
+
+/// Of features of a track, at the place that fits them best.
 double least_squares_of(const Scene& model, int t, const std::vector<FeatureRef>& features) {
-  if (!model.point(t).in_world) {
-    return most_misfit * most_misfit * static_cast<double>(features.size());
+  double least = most_misfit * most_misfit * static_cast<double>(features.size());
+  const auto try_place = [&](const Eigen::Vector3d& place) {
+    if (!place.allFinite()) return;
+    least = std::min({least, squares_of(model, features, place),
+                      squares_of(model, features, best_place(model, features, place))});
+  };
+  if (model.point(t).in_world) {
+    try_place(*model.point(t).in_world);
+  } else {
+    for (const Eigen::Vector3d& place : guesses(model, features)) try_place(place);
   }
-  const Eigen::Vector3d& known = *model.point(t).in_world;
-  return std::min(squares_of(model, features, known),
-                  squares_of(model, features, best_place(model, features, known)));
+  return least;
 }
 
 /// A track's features in marked pictures.

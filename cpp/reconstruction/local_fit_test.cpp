@@ -66,6 +66,14 @@ BOOST_AUTO_TEST_CASE(places_that_other_pictures_pulled_away_are_no_bend) {
   BOOST_TEST(!is_bent(fit, scene));
 }
 
+BOOST_AUTO_TEST_CASE(what_has_hardly_any_angle_in_a_model_is_no_bend) {
+  const SyntheticWalk walk(pictures, 500, 0.3, 8);
+  Scene scene = posed(walk, 0);
+  const LocalFit fit = local_fit(scene, few);
+  for (const LocalFit::TrackFit& track : fit.tracks) scene.forget_point(track.track);
+  BOOST_TEST(!is_bent(fit, scene));
+}
+
 BOOST_AUTO_TEST_CASE(a_model_that_lacks_a_picture_is_not_judged) {
   const SyntheticWalk walk(pictures, 500, 0.3, 7);
   const LocalFit fit = local_fit(posed(walk, 0), few);

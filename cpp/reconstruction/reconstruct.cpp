@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "reconstruction/content_order.hpp"
 #include "reconstruction/growth.hpp"
@@ -65,7 +66,11 @@ struct Grown {
   std::vector<char> is_bent;  ///< 1 for pictures that fit each other clearly better than the model
 
   int bent() const { return static_cast<int>(std::count(is_bent.begin(), is_bent.end(), 1)); }
-  int sound() const { return scene.posed_count() - bent(); }
+  /// More pictures where nothing is bent, else more pictures.
+  bool is_better_than(const Grown& other) const {
+    const int posed = scene.posed_count(), other_posed = other.scene.posed_count();
+    return std::pair{posed - bent(), posed} > std::pair{other_posed - other.bent(), other_posed};
+  }
   bool is_doubtful() const {
     return static_cast<double>(strange.size()) + bent() >= doubtful_share * scene.posed_count();
   }
@@ -99,7 +104,7 @@ Grown solve(const Scene& empty, const std::vector<Start>& starts,
   for (std::size_t k = 0; k < std::min(max_tries, starts.size()); ++k) {
     Grown grown = grow_from(starts[k], empty, config);
     grown.is_bent = bent_pictures(grown.scene, starts);
-    if (grown.sound() > best.sound()) best = std::move(grown);
+    if (grown.is_better_than(best)) best = std::move(grown);
     if (!best.is_doubtful()) break;
   }
   return best;
