@@ -36,14 +36,17 @@ NOISE_GREY = 1.5
 SEED = 5
 
 
-def walk(folder: Path, count: int) -> PictureSet:
-    """Render pictures of a walk that sways, looking half to the side, with their poses."""
-    rng = np.random.default_rng(SEED)
+def walk(folder: Path, count: int, *, seed: int = SEED, first: int = 0) -> PictureSet:
+    """Render pictures of a walk that sways, looking half to the side, with their poses.
+
+    `first`: the walk has gone so many steps before.
+    """
+    rng = np.random.default_rng(seed)
     centre = (WIDTH_PX - 1) / 2, (HEIGHT_PX - 1) / 2
     pinhole = PinholeCamera(WIDTH_PX, HEIGHT_PX, FOCAL_PX, FOCAL_PX, *centre)
-    renderer = Renderer(street(STEP_M * count, rng), pinhole, SEED)
+    renderer = Renderer(street(STEP_M * (first + count), rng), pinhole, seed)
     files, poses = [], np.tile(np.eye(4), (count, 1, 1))
-    for i, pose in enumerate(poses):
+    for i, pose in enumerate(poses, first):
         yaw = 0.5 + 0.2 * np.sin(0.05 * i)
         turn = [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]
         pose[:3, :3] = np.array(turn) @ ROBOT_FROM_CAMERA

@@ -53,6 +53,9 @@ void bind_result(nb::module_& m) {
       .def_ro("fates", &Reconstruction::fates, "PictureFate, one a picture.")
       .def_ro("fates_if_unposed", &Reconstruction::fates_if_unposed,
               "PictureFate, one a picture: what it would be, had it no pose.")
+      .def_ro("bent_pictures", &Reconstruction::bent_pictures,
+              "Posed pictures, ascending, that fit each other clearly better than the model: its "
+              "shape is wrong there.")
       .def_prop_ro(
           "points_in_world",
           [](const Reconstruction& r) { return to_numpy(std::vector(r.points_in_world)); },

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ from typer.testing import CliRunner
 
 from pilotage import PictureFate, Transform
 from pilotage.behaviors import model_folder
-from pilotage.behaviors.model_folder import picture_times
+from pilotage.behaviors.model_folder import picture_times, verdict
 from pilotage.behaviors.reconstruct import Reconstructed
 from pilotage.cli.drawing import draw_report as draw_alone
 from pilotage.cli.main import app
@@ -180,9 +181,11 @@ def test_times_are_those_of_names_or_places() -> None:
     assert times("1403636579.5.png", "1403636579.50.png") == [0, second]
 
 
-def reconstructed(model: Model) -> Reconstructed:
-    """Return what a reconstruction gives that placed all but one of the pictures."""
-    fates = [PictureFate.posed] * len(model.names) + [PictureFate.few_features]
+def reconstructed(
+    model: Model, *, missing: Sequence[str] = ("9.jpg",), bent: Sequence[int] = ()
+) -> Reconstructed:
+    """Return what a reconstruction gives that placed all pictures but the `missing` ones."""
+    fates = [PictureFate.posed] * len(model.names) + [PictureFate.few_features] * len(missing)
     result: Any = SimpleNamespace(
         rms_px=0.3,
         feature_count=9,
@@ -190,8 +193,9 @@ def reconstructed(model: Model) -> Reconstructed:
         track_count=61,
         focal_px=400.0,
         focal_sigma_px=0.0,
+        bent_pictures=list(bent),
     )
-    names = (*model.names, "9.jpg")
+    names = (*model.names, *missing)
     return Reconstructed(
         model=model,
         names=names,
@@ -200,6 +204,16 @@ def reconstructed(model: Model) -> Reconstructed:
         given_focal_px=400.0,
         focal_sigma=0.0,
     )
+
+
+def test_a_model_whose_shape_pictures_contradict_is_never_whole() -> None:
+    model = a_model()
+    assert verdict(reconstructed(model, missing=())) == "whole"
+    found = reconstructed(model, missing=(), bent=[0, 1, 2])
+    assert not found.is_whole
+    said = verdict(found)
+    assert said.startswith(f"unsure: 3 of {len(model.names)} pictures ({model.names[0]} to")
+    assert "shape is wrong" in said
 
 
 def test_verb_leaves_a_folder_that_a_report_can_be_drawn_of(

@@ -10,6 +10,9 @@ namespace pilotage {
 /// Cells of grids of 2x2 to 16x16 that hold a place: many and well spread is best.
 class Coverage {
  public:
+  /// One place fills one cell of each grid: it adds no more to the score.
+  static constexpr int most_per_place = 1 + 2 + 4 + 8;
+
   void add(const Eigen::Vector2d& px, double half_width_px) {
     for (std::size_t level = 0; level < cells_.size(); ++level) {
       const int side = 2 << level;

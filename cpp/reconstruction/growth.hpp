@@ -8,24 +8,8 @@
 
 #include "reconstruction/scene.hpp"
 #include "reconstruction/stops.hpp"
-#include "reconstruction/view_pairs.hpp"
 
 namespace pilotage {
-
-/// Two pictures and one of the motions that explain them.
-struct Start {
-  const ViewPair* pair = nullptr;
-  Transform b_from_a;
-};
-
-/// Ways to begin a model, the best first; none if no pair will do: nothing but turns, or nothing in
-/// common. They point into `pairs`. The scene is empty afterwards.
-std::vector<Start> rank_starts(Scene& scene, const std::vector<ViewPair>& pairs,
-                               const ReconstructionConfig& config);
-
-/// Begins the model anew: poses two pictures from their relative pose, a third from what they
-/// place. Returns the pictures posed.
-std::vector<int> begin_scene(Scene& scene, const Start& start, const ReconstructionConfig& config);
 
 /// Poses the picture that shows most places, spread best, and places what it adds; adjusts what is
 /// near it. None that asks for another focal length: later, when it has bent the model to its own,

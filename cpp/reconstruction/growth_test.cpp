@@ -3,6 +3,7 @@
 
 #include <boost/test/unit_test.hpp>
 
+#include "reconstruction/starts.hpp"
 #include "reconstruction/synthetic_walk.hpp"
 
 namespace pilotage {

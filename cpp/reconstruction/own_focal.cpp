@@ -125,18 +125,18 @@ double median(std::vector<double> values) {
 
 }  // namespace
 
-std::optional<OwnFocal> own_focal(const Scene& scene, int picture) {
+std::optional<OwnFocal> own_focal(const Scene& scene, int picture,
+                                  const Transform& camera_from_world) {
   const std::vector<Seen> seen = seen_in(scene, picture);
   if (static_cast<int>(seen.size()) < min_places) return std::nullopt;
-  const Transform& posed = *scene.camera_from_world(picture);
   std::vector<double> depths;
-  for (const Seen& s : seen) depths.push_back((posed * s.in_world).z());
+  for (const Seen& s : seen) depths.push_back((camera_from_world * s.in_world).z());
   const double depth = median(std::move(depths));
   Guess best;
   for (const double ratio : start_ratios) {
     // A longer lens from farther away: things in the middle of the depths stay as large.
     Guess start;
-    start.camera_from_world = posed;
+    start.camera_from_world = camera_from_world;
     start.camera_from_world.translation.z() += (ratio - 1) * depth;
     start.focal_px = ratio * scene.ideal_camera().focal_px;
     Guess found = descend(seen, start);
@@ -156,7 +156,7 @@ std::vector<int> strange_pictures(const Scene& scene) {
   std::vector<int> pictures;
   std::vector<double> log_ratios, sigmas;
   for (const int picture : scene.posed_pictures()) {
-    const auto own = own_focal(scene, picture);
+    const auto own = own_focal(scene, picture, *scene.camera_from_world(picture));
     if (!own) continue;
     pictures.push_back(picture);
     log_ratios.push_back(own->log_ratio);

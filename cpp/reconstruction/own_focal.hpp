@@ -13,9 +13,10 @@ struct OwnFocal {
   double sigma = 0;      ///< standard error of that
 };
 
-/// Adjusts a posed picture's pose and focal length to the places it shows, which stay, and returns
-/// the focal length. Empty where it shows too little.
-std::optional<OwnFocal> own_focal(const Scene& scene, int picture);
+/// Adjusts a picture's pose and focal length, from a pose it may have, to the places it shows,
+/// which stay, and returns the focal length. Empty where it shows too little.
+std::optional<OwnFocal> own_focal(const Scene& scene, int picture,
+                                  const Transform& camera_from_world);
 
 /// Tells whether a focal length that differs so much from what it should be is no error.
 bool is_strange(double log_ratio, double sigma);

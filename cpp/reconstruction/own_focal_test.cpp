@@ -26,7 +26,7 @@ Scene scene_of(SyntheticWalk walk, const std::vector<int>& others, double ratio)
 BOOST_AUTO_TEST_CASE(a_pictures_own_focal_length_is_found_within_its_error) {
   for (const double ratio : {0.7, 1.0, 1.5}) {
     const Scene scene = scene_of(SyntheticWalk(6, 600, 0.5, 2), {3}, ratio);
-    const auto own = own_focal(scene, 3);
+    const auto own = own_focal(scene, 3, *scene.camera_from_world(3));
     BOOST_REQUIRE(own.has_value());
     BOOST_TEST(own->sigma < 0.02);
     BOOST_TEST(std::abs(own->log_ratio - std::log(ratio)) < 4 * own->sigma);
@@ -43,7 +43,7 @@ BOOST_AUTO_TEST_CASE(only_pictures_of_another_lens_are_strange) {
 
 BOOST_AUTO_TEST_CASE(too_few_places_are_no_test) {
   const Scene scene = scene_of(SyntheticWalk(4, 30, 0.5, 4), {1}, 1.4);
-  BOOST_TEST(!own_focal(scene, 1).has_value());
+  BOOST_TEST(!own_focal(scene, 1, *scene.camera_from_world(1)).has_value());
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "reconstruction/content_order.hpp"
 #include "reconstruction/growth.hpp"
@@ -11,6 +12,7 @@
 #include "reconstruction/own_focal.hpp"
 #include "reconstruction/refinement.hpp"
 #include "reconstruction/report.hpp"
+#include "reconstruction/starts.hpp"
 
 namespace pilotage {
 namespace {
@@ -18,9 +20,9 @@ namespace {
 /// Fewer pictures of one camera are no model once others were taken out.
 constexpr int least_pictures = 3;
 constexpr int stranger_rounds = 4;
-/// Starts that are tried while so many pictures contradict the model, of those that are in it.
+/// Starts that are tried while so many pictures speak against the model, of those that are in it.
 constexpr std::size_t max_tries = 8;
-constexpr double many_strangers = 0.125;
+constexpr double doubtful_share = 0.125;
 /// All is done again with a better focal length while that changes by more than this part: matches
 /// were checked, and poses begun, with the old one.
 constexpr double settled_focal = 0.01;
@@ -57,34 +59,55 @@ std::vector<int> strangers(const Scene& scene, const ReconstructionConfig& confi
   return found;
 }
 
-/// The model that grows from one start.
-void grow_from(Scene& scene, const Start& start, const ReconstructionConfig& config) {
+/// A model that grew from a start, and what speaks against it.
+struct Grown {
+  Scene scene;
+  std::vector<int> strange;   ///< pictures that another camera took
+  std::vector<char> is_bent;  ///< 1 for pictures that fit each other clearly better than the model
+
+  int bent() const { return static_cast<int>(std::count(is_bent.begin(), is_bent.end(), 1)); }
+  /// More pictures where nothing is bent, else more pictures.
+  bool is_better_than(const Grown& other) const {
+    const int posed = scene.posed_count(), other_posed = other.scene.posed_count();
+    return std::pair{posed - bent(), posed} > std::pair{other_posed - other.bent(), other_posed};
+  }
+  bool is_doubtful() const {
+    return static_cast<double>(strange.size()) + bent() >= doubtful_share * scene.posed_count();
+  }
+};
+
+/// Pictures of starts that a model bends.
+std::vector<char> bent_pictures(const Scene& model, const std::vector<Start>& starts) {
+  std::vector<char> bent(model.picture_count(), 0);
+  for (const Start& start : starts) {
+    if (!is_bent(start.fit, model)) continue;
+    for (const int picture : start.fit.pictures) bent[picture] = 1;
+  }
+  return bent;
+}
+
+Grown grow_from(const Start& start, Scene scene, const ReconstructionConfig& config) {
   const std::vector<int> first = begin_scene(scene, start, config);
   grow(scene, config);
   if (scene.posed_count() >= 2 * static_cast<int>(first.size())) pose_anew(scene, first, config);
   adjust_all(scene, config, final_rounds);
   take_out_strangers(scene, config);
+  std::vector<int> strange = strangers(scene, config);
+  return {std::move(scene), std::move(strange), {}};
 }
 
-/// Step 5 of the recipe; returns the pictures that another camera took. Where they are many, it may
-/// be the model that began wrongly: other starts are tried, and the largest model stays.
-std::vector<int> solve(Scene& scene, const std::vector<ViewPair>& pairs,
-                       const ReconstructionConfig& config) {
-  std::vector<Start> starts = rank_starts(scene, pairs, config);
-  if (starts.size() > max_tries) starts.resize(max_tries);
-  const Scene empty = scene;
-  std::vector<int> strange;
-  for (const Start& start : starts) {
-    Scene tried = empty;
-    grow_from(tried, start, config);
-    const std::vector<int> found = strangers(tried, config);
-    if (tried.posed_count() > scene.posed_count()) {
-      scene = std::move(tried);
-      strange = found;
-    }
-    if (static_cast<double>(strange.size()) < many_strangers * scene.posed_count()) break;
+/// Step 5 of the recipe. Where much speaks against a model, it may be that it began wrongly: other
+/// starts are tried, and the largest model stays, not counting what is bent.
+Grown solve(const Scene& empty, const std::vector<Start>& starts,
+            const ReconstructionConfig& config) {
+  Grown best{empty, {}, std::vector<char>(empty.picture_count(), 0)};
+  for (std::size_t k = 0; k < std::min(max_tries, starts.size()); ++k) {
+    Grown grown = grow_from(starts[k], empty, config);
+    grown.is_bent = bent_pictures(grown.scene, starts);
+    if (grown.is_better_than(best)) best = std::move(grown);
+    if (!best.is_doubtful()) break;
   }
-  return strange;
+  return best;
 }
 
 /// What is known of the focal length when a better one is asked for.
@@ -137,16 +160,18 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
     auto [described, pairs, scene] = observe(set, by_content, sequence, config, team);
     scene.set_focal_prior(known);
     // 5. Poses in one frame, one picture after the other; adjustment.
-    const std::vector<int> strange = solve(scene, pairs, config);
+    const std::vector<Start> starts = rank_starts(scene, pairs, config);
+    Grown grown = solve(scene, starts, config);
+    Scene& model = grown.scene;
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
-    if (scene.posed_count() > 0) {
-      const double change = believe_focal(believed, scene);
+    if (model.posed_count() > 0) {
+      const double change = believe_focal(believed, model);
       if (change > settled_focal && pass < max_passes) continue;
-      refine_features(scene, set, by_content, team);
-      adjust_all(scene, config, final_rounds);
+      refine_features(model, set, by_content, team);
+      adjust_all(model, config, final_rounds);
     }
-    set_world(scene, by_content);
-    return report(scene, described, pairs, by_content, pictures, strange);
+    set_world(model, by_content);
+    return report(model, described, pairs, by_content, pictures, {grown.strange, grown.is_bent});
   }
 }
 

@@ -37,6 +37,9 @@ struct Reconstruction {
   std::vector<std::optional<Transform>> camera_from_world;  ///< one a picture
   std::vector<PictureFate> fates;
   std::vector<PictureFate> fates_if_unposed;  ///< those of posed ones, had they no pose
+  /// Posed pictures, ascending, that fit each other clearly better than they fit the model: its
+  /// shape is wrong there, and may be wrong elsewhere.
+  std::vector<int> bent_pictures;
   std::vector<Matrix6d>
       pose_covariances;  ///< left perturbation of world_from_camera; of posed ones
   std::vector<Eigen::Vector3d> points_in_world;

@@ -58,7 +58,7 @@ void report_points(const Scene& scene, std::span<const int> order,
 
 Reconstruction report(const Scene& scene, std::span<const DescribedPicture> described,
                       const std::vector<ViewPair>& pairs, std::span<const int> order,
-                      std::span<const ImageView> pictures, std::span<const int> strange) {
+                      std::span<const ImageView> pictures, const Doubts& doubts) {
   Reconstruction result;
   const std::size_t count = pictures.size();
   result.camera_from_world.resize(count);
@@ -71,7 +71,11 @@ Reconstruction report(const Scene& scene, std::span<const DescribedPicture> desc
     result.fates[order[k]] = scene.camera_from_world(k) ? PictureFate::posed : unposed;
     result.feature_count += static_cast<int>(described[k].rays.size());
   }
-  for (const int k : strange) {
+  for (std::size_t k = 0; k < doubts.is_bent.size(); ++k) {
+    if (doubts.is_bent[k]) result.bent_pictures.push_back(order[k]);
+  }
+  std::sort(result.bent_pictures.begin(), result.bent_pictures.end());
+  for (const int k : doubts.strange) {
     result.fates[order[k]] = result.fates_if_unposed[order[k]] = PictureFate::other_camera;
   }
   result.focal_px = scene.ideal_camera().focal_px;

@@ -7,10 +7,15 @@
 
 namespace pilotage {
 
-/// The model as the caller knows its pictures: scene picture k is pictures[order[k]]. `strange` are
-/// those, as the scene counts them, that another camera took.
+/// What speaks against a model; pictures as the scene counts them.
+struct Doubts {
+  std::span<const int> strange;   ///< another camera took them
+  std::span<const char> is_bent;  ///< one a picture, or empty: where the model's shape is wrong
+};
+
+/// The model as the caller knows its pictures: scene picture k is pictures[order[k]].
 Reconstruction report(const Scene& scene, std::span<const DescribedPicture> described,
                       const std::vector<ViewPair>& pairs, std::span<const int> order,
-                      std::span<const ImageView> pictures, std::span<const int> strange = {});
+                      std::span<const ImageView> pictures, const Doubts& doubts = {});
 
 }  // namespace pilotage

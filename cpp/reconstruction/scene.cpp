@@ -36,6 +36,7 @@ Scene::Scene(std::vector<SeenFeatures> pictures, std::vector<Track> tracks, doub
       tracks_(std::move(tracks)),
       points_(tracks_.size()),
       shown_(pictures_.size()),
+      placed_in_(pictures_.size(), 0),
       poses_(pictures_.size()),
       rotation_(pictures_.size()) {
   for (int t = 0; t < track_count(); ++t) {
@@ -65,9 +66,15 @@ std::vector<int> Scene::tracks_in(int picture) const {
   return tracks;
 }
 
-std::vector<int> Scene::all_tracks() const {
-  std::vector<int> tracks(track_count());
-  std::iota(tracks.begin(), tracks.end(), 0);
+std::vector<int> Scene::tracks_in_any(std::span<const int> pictures) const {
+  std::vector<char> is_shown(tracks_.size(), 0);
+  for (const int picture : pictures) {
+    for (const Shown& shown : shown_[picture]) is_shown[shown.track] = 1;
+  }
+  std::vector<int> tracks;
+  for (int t = 0; t < track_count(); ++t) {
+    if (is_shown[t]) tracks.push_back(t);
+  }
   return tracks;
 }
 
@@ -116,7 +123,17 @@ void Scene::set_pose(int picture, const std::optional<Transform>& camera_from_wo
   if (camera_from_world) rotation_[picture] = camera_from_world->rotation.toRotationMatrix();
 }
 
+void Scene::set_point(int t, const Eigen::Vector3d& in_world) {
+  if (!points_[t].in_world) {
+    for (const FeatureRef& f : tracks_[t]) ++placed_in_[f.picture];
+  }
+  points_[t].in_world = in_world;
+}
+
 void Scene::forget_point(int t) {
+  if (points_[t].in_world) {
+    for (const FeatureRef& f : tracks_[t]) --placed_in_[f.picture];
+  }
   points_[t].in_world.reset();
   std::fill(points_[t].is_used.begin(), points_[t].is_used.end(), 0);
 }
@@ -197,7 +214,7 @@ bool Scene::place_anew(int t) {
     }
   }
   if (!best) return false;
-  points_[t].in_world = best;
+  set_point(t, *best);
   use_fitting(t);
   return true;
 }

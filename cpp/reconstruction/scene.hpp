@@ -48,9 +48,12 @@ class Scene {
   const ScenePoint& point(int t) const { return points_[t]; }
   std::span<const Shown> shown_in(int picture) const { return shown_[picture]; }
   std::vector<int> tracks_in(int picture) const;
-  std::vector<int> all_tracks() const;
+  /// Tracks that any of these pictures shows, each once, in order.
+  std::vector<int> tracks_in_any(std::span<const int> pictures) const;
   /// How many of a picture's features are used.
   int used_in(int picture) const;
+  /// How many of a picture's features are of a track that has a place.
+  int placed_in(int picture) const { return placed_in_[picture]; }
   /// Groups of pictures (group_of_picture[i] from 0) that share most places with one, itself first.
   std::vector<int> sharing_most(std::span<const int> group_of_picture, int group,
                                 int at_most) const;
@@ -65,7 +68,7 @@ class Scene {
   std::vector<int> posed_pictures() const;
 
   void set_pose(int picture, const std::optional<Transform>& camera_from_world);
-  void set_point(int t, const Eigen::Vector3d& in_world) { points_[t].in_world = in_world; }
+  void set_point(int t, const Eigen::Vector3d& in_world);
   void set_used(int t, int slot, bool is_used) { points_[t].is_used[slot] = is_used; }
   void forget_point(int t);
   void set_focal_prior(const std::optional<FocalPrior>& known) { focal_prior_ = known; }
@@ -124,6 +127,7 @@ class Scene {
   std::vector<Track> tracks_;
   std::vector<ScenePoint> points_;
   std::vector<std::vector<Shown>> shown_;
+  std::vector<int> placed_in_;  // by picture
   std::vector<std::optional<Transform>> poses_;
   std::vector<Eigen::Matrix3d> rotation_;  // of poses_, as a matrix
 };

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "reconstruction/scene.hpp"
@@ -32,6 +33,15 @@ struct SyntheticWalk {
       camera_from_world.push_back({turn, -(turn * centre)});
       see(camera_from_world.back(), random, noise);
     }
+  }
+
+  /// Of any points and poses.
+  SyntheticWalk(std::vector<Eigen::Vector3d> points, std::vector<Transform> poses, double noise_px,
+                unsigned seed)
+      : camera_from_world(std::move(poses)), points_in_world(std::move(points)) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> noise(0, noise_px);
+    for (const Transform& pose : camera_from_world) see(pose, random, noise);
   }
 
   std::vector<Track> tracks(int min_length) const {

@@ -68,7 +68,7 @@ std::vector<int> grow(const GrowingWalk& walk, Scene& scene, Stops& stops) {
       scene.set_pose(picture, stops.camera_from_world(picture));
     }
   }
-  scene.place(scene.all_tracks());
+  scene.place(scene.tracks_in_any(scene.posed_pictures()));
   adjust_all(scene, {}, 2, &stops);
   std::vector<char> was_refused(stop_count, 0);
   std::vector<int> order;

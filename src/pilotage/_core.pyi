@@ -1634,6 +1634,12 @@ class Reconstruction:
         """PictureFate, one a picture: what it would be, had it no pose."""
 
     @property
+    def bent_pictures(self) -> list[int]:
+        """
+        Posed pictures, ascending, that fit each other clearly better than the model: its shape is wrong there.
+        """
+
+    @property
     def points_in_world(self) -> NDArray[numpy.float64]:
         """(N, 3)."""
 

@@ -22,6 +22,7 @@ from pilotage.behaviors.reconstruct import (
     Reconstructed,
     focal_fault,
     read_greys,
+    shape_fault,
     solve,
 )
 from pilotage.behaviors.square_marks import MarkSize, find_marks
@@ -180,7 +181,7 @@ def _summary(pictures: Path, found: Reconstructed, *, ordered: bool) -> dict[str
 
 def verdict(found: Reconstructed) -> str:
     """Return in a line what the reconstruction amounts to."""
-    if (fault := focal_fault(found)) is not None:
+    if (fault := shape_fault(found) or focal_fault(found)) is not None:
         return f"unsure: {fault}"
     if found.is_whole:
         return "whole"

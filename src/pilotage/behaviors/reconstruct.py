@@ -56,13 +56,26 @@ class Reconstructed:
 
     @property
     def is_whole(self) -> bool:
-        """Tell whether every picture has a pose."""
-        return all(fate is PictureFate.posed for fate in self.fates)
+        """Tell whether every picture has a pose, in a model whose shape nothing contradicts."""
+        is_posed = all(fate is PictureFate.posed for fate in self.fates)
+        return is_posed and not self.result.bent_pictures
 
     @property
     def camera(self) -> Camera:
         """The camera, with the focal length found where a better one was asked for."""
         return self.model.cameras[0]
+
+
+def shape_fault(found: Reconstructed) -> str | None:
+    """Return why the shape of the model is not to be believed; None where it is."""
+    bent = [found.names[i] for i in found.result.bent_pictures]
+    if not bent:
+        return None
+    return (
+        f"{len(bent)} of {len(found.model.names)} pictures ({bent[0]} to {bent[-1]}) fit each other"
+        " much better than this model: its shape is wrong there, take pictures of things at"
+        " different depths, from places nearer to each other"
+    )
 
 
 def focal_fault(found: Reconstructed) -> str | None:
