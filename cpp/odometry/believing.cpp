@@ -29,6 +29,9 @@ double Judge::chi_square_of(const Motion& a, const Motion& b, double elapsed_s,
   const Eigen::Vector3d way_m =
       a.before_from_now.rotation.conjugate() * a.before_from_now.translation;
   Matrix6d covariance = a.covariance + b.covariance;
+  for (const Motion* motion : {&a, &b}) {
+    covariance += motion->rig_error * motion->rig_error.transpose();
+  }
   covariance.topLeftCorner<3, 3>() +=
       2 * config_.scale_sigma * config_.scale_sigma * way_m * way_m.transpose();
   // Stamps that are late put poses elsewhere on the way, at the window's start and at its end.

@@ -71,7 +71,8 @@ double Judge::implausibility(int pair, const Instant& now) const {
   if (!source.is_believed) cost += set_aside_cost;
   if (was_doubted(pair, now.timestamp_ns)) cost += doubted_cost;
   if (const Instant* start = window_start(now.timestamp_ns)) {
-    // Of two that are as plausible the more precise one.
+    // Of two that are as plausible the more precise one. That lengths are not known well, as long
+    // as a rig's offset is not, is no sign of a fault.
     const std::optional<Motion> motion = motion_of(pair, *start, now);
     const double floor2_m2 = motion_floor_m * motion_floor_m;
     if (motion) cost += std::log(motion->covariance.topLeftCorner<3, 3>().trace() / floor2_m2);

@@ -116,8 +116,9 @@ std::optional<Judge::Motion> Judge::motion_of(int pair, const Instant& from, con
   const Sight& a = from.sights[static_cast<std::size_t>(pair)];
   const Sight& b = to.sights[static_cast<std::size_t>(pair)];
   const Eigen::Vector3d moved_m = b.world_from_robot.translation - a.world_from_robot.translation;
-  return Motion{before_from_now(pair, from, to),
-                turned(since(b, a, moved_m), b.world_from_robot.rotation.conjugate())};
+  const Eigen::Quaterniond turn = b.world_from_robot.rotation.conjugate();
+  return Motion{before_from_now(pair, from, to), turned(since(b, a, moved_m), turn),
+                turned(rig_error_since(b, a), turn)};
 }
 
 const Judge::Instant* Judge::window_start(std::int64_t timestamp_ns) const {

@@ -112,22 +112,31 @@ class Judge {
     /// aside only because it was lost.
     std::optional<double> way_apart;
     double usual_m_q = 0, usual_inliers = 0;
-    /// Joint world from the pair's own, fixed when it was believed, and what was known then.
-    std::optional<Transform> joint_from_own;
-    int segment = -1;           ///< that of the last sight
-    Sight anchor;               ///< the pair's own then
-    Matrix6d joint_covariance;  ///< of the joint pose then
+    /// Joint world from the pair's own, fixed at the last anchor while it was believed.
+    Transform joint_from_own;
+    int segment = -1;  ///< that of the last sight
+    Sight anchor;      ///< the pair's own then
+  };
+  /// What is known of the joint path at an instant.
+  struct PathState {
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    Matrix6d covariance = Matrix6d::Zero();  ///< without the rigs' errors
+    /// What the error of each pair's rig, of one sigma, moves the joint pose by.
+    std::vector<Vector6d> rig_errors;
   };
   struct Instant {
     std::int64_t timestamp_ns;
     std::vector<Sight> sights;
     JointResult joint;
     bool is_disputed = false;  ///< a pair is set aside; by the paper's rule, pairs differ
-    Matrix6d path_covariance = Matrix6d::Zero();  ///< without errors of scale
+    PathState path;
   };
   struct Motion {
     Transform before_from_now;
-    Matrix6d covariance;  ///< about the robot's axes at the end: position, rotation
+    /// About the robot's axes at the end, position and rotation: covariance without the rig's
+    /// error, and what that, of one sigma, does.
+    Matrix6d covariance;
+    Vector6d rig_error;
   };
   /// Motions of all pairs over the window against each other: matrices row by row.
   struct Comparison {
@@ -158,12 +167,13 @@ class Judge {
   bool was_doubted(int pair, std::int64_t timestamp_ns) const;
   void learn(const Instant& now);
   void join(Instant& now);
-  void anchor_all(const std::vector<char>& believed, const Instant& now);
-  bool is_carried(int pair, const Instant& now) const;
-  void begin(int pair, const Instant& now);
+  const Instant* common_instant(const std::vector<char>& believed, const Instant& now) const;
+  void begin(const std::vector<char>& believed, const std::vector<char>& carrying, Instant& now);
+  void anchor_all(const std::vector<char>& believed, const Instant& at);
   Matrix6d lateness(const Transform& joint, std::int64_t timestamp_ns) const;
+  PathState carried_to(const Eigen::Vector3d& position) const;
   void average(const std::vector<char>& believed, Instant& now);
-  void anchor(int pair, const Instant& at);
+  void publish(const Transform& joint, const PathState& path, Instant& now);
   void trim(std::int64_t timestamp_ns);
 
   JudgeConfig config_;
@@ -178,10 +188,10 @@ class Judge {
   double usual_chi_square_;     ///< of those that agree
   Vector6d usual_difference2_;  ///< mean square of those of pairs that are believed
   Vector6d usual_jerk2_;        ///< mean square of how the twist changes from instant to instant
+  PathState anchor_path_;       ///< where those that are believed were laid onto each other
   Transform last_pose_;
-  Matrix6d last_covariance_ = Matrix6d::Zero();
+  PathState last_path_;
   std::optional<std::int64_t> last_ns_;  ///< of that pose
-  std::optional<std::int64_t> segment_began_ns_;
 };
 
 }  // namespace pilotage

@@ -19,6 +19,22 @@ constexpr double unknown_period_s = 0.2;
 constexpr double nearly_there_s = 0.003;
 constexpr double there_s = 1e-6;
 
+/// What a result says; whether its pose is that of the instant is another question.
+Sight sight_of(const OdometryResult& result) {
+  Sight sight;
+  sight.has_pictures = true;
+  sight.status = result.status;
+  sight.reason = result.reason;
+  sight.segment = result.segment;
+  sight.m_q = result.y_parallax_px;
+  sight.inliers = result.inliers;
+  sight.world_from_robot = result.world_from_robot.value_or(Transform{});
+  sight.covariance = result.segment_covariance;
+  sight.own_covariance = result.own_covariance;
+  sight.offset_error_m = result.offset_error_m;
+  return sight;
+}
+
 }  // namespace
 
 void PairHistory::add(const OdometryResult& result) {
@@ -54,6 +70,34 @@ bool PairHistory::is_known_at(std::int64_t timestamp_ns, std::int64_t newest_ns)
          seconds_between(results_.back().timestamp_ns, timestamp_ns) < same_instant * period_s();
 }
 
+/// How fast the robot's twist may have changed, a second, in the motion that ends at `after`: as it
+/// did to the motions before and after it, the larger of both; where neither is known it may have
+/// set out from rest. Who gains speed nods and swerves: of metres and radians taken together.
+double PairHistory::twist_change(std::deque<OdometryResult>::const_iterator after) const {
+  struct Motion {
+    Vector6d twist;
+    double span_s;
+  };
+  const auto motion_to = [&](auto end) -> std::optional<Motion> {
+    if (end == results_.begin() || end == results_.end()) return std::nullopt;
+    const OdometryResult &a = *(end - 1), &b = *end;
+    if (!a.world_from_robot || !b.world_from_robot || a.segment != b.segment) return std::nullopt;
+    const double span_s = seconds_between(a.timestamp_ns, b.timestamp_ns);
+    return Motion{transform_log(a.world_from_robot->inverse() * *b.world_from_robot) / span_s,
+                  span_s};
+  };
+  const std::optional<Motion> here = motion_to(after);
+  if (!here) return 0;
+  std::optional<double> change;
+  for (const auto& end : {after - 1, after + 1}) {
+    const std::optional<Motion> other = motion_to(end);
+    if (!other) continue;
+    const double apart_s = 0.5 * (here->span_s + other->span_s);
+    change = std::max(change.value_or(0), (here->twist - other->twist).norm() / apart_s);
+  }
+  return change.value_or(2 * here->twist.norm() / here->span_s);
+}
+
 Sight PairHistory::at(std::int64_t timestamp_ns) const {
   Sight sight;
   if (results_.empty()) return sight;
@@ -69,16 +113,8 @@ Sight PairHistory::at(std::int64_t timestamp_ns) const {
   const OdometryResult& nearest = std::abs(after_a_s) < std::abs(after_b_s) ? a : b;
   const double away_s = std::min(std::abs(after_a_s), std::abs(after_b_s));
   if (away_s > silent_periods * period_s()) return sight;
-  sight = {true,
-           false,
-           nearest.status,
-           nearest.reason,
-           nearest.segment,
-           nearest.y_parallax_px,
-           nearest.inliers,
-           nearest.world_from_robot.value_or(Transform{}),
-           nearest.segment_covariance,
-           nearest.own_covariance};
+  sight = sight_of(nearest);
+  sight.is_bridged = away_s > same_instant * period_s();
   if (!nearest.world_from_robot) return sight;
   const double span_s = seconds_between(a.timestamp_ns, b.timestamp_ns);
   const bool has_motion = a.world_from_robot && b.world_from_robot && a.segment == b.segment &&
@@ -87,6 +123,10 @@ Sight PairHistory::at(std::int64_t timestamp_ns) const {
   if (has_motion && away_s > there_s) {
     const Vector6d twist = transform_log(a.world_from_robot->inverse() * *b.world_from_robot);
     sight.world_from_robot = *a.world_from_robot * transform_exp((after_a_s / span_s) * twist);
+    // Uniform motion through two points differs so from an accelerated one.
+    const double bent = 0.5 * after_a_s * after_b_s * twist_change(after);
+    sight.covariance.diagonal().array() += bent * bent;
+    sight.own_covariance.diagonal().array() += bent * bent;
   }
   return sight;
 }

@@ -34,6 +34,8 @@ class PathCovariance {
   /// lengths just now because of the rig's right x offset, the same error for all poses.
   Matrix6d extend(const Eigen::Vector3d& position, const Matrix6d& in_segment,
                   const Eigen::Vector3d& way_m, double offset_scale_sigma);
+  /// What the rig's offset, off by one sigma, moves the last pose by: a part of its covariance.
+  const Eigen::Vector3d& offset_error_m() const { return offset_error_m_; }
 
  private:
   double scale_sigma_;

@@ -53,6 +53,7 @@ void StereoOdometry::place(PairRecord& record, const Transform& world_from_left,
       path.extend(pose.translation, record.result.segment_covariance,
                   robot_from_rectified_.rotation * world_from_left.translation,
                   record.scale_per_px * monitor_.right_x_offset_sigma_px());
+  record.result.offset_error_m = path.offset_error_m();
   record.result.world_from_robot = pose;
 }
 

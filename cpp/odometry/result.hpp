@@ -42,6 +42,9 @@ struct OdometryResult {
   Matrix6d segment_covariance = Matrix6d::Zero();
   /// The part of it that is this pose's alone and not in the next one's.
   Matrix6d own_covariance = Matrix6d::Zero();
+  /// What one error of the rig, of one sigma, moves this pose by along the world's axes, metres:
+  /// that of the right picture's x offset, which is the same for all poses. Part of `covariance`.
+  Eigen::Vector3d offset_error_m = Eigen::Vector3d::Zero();
   int segment = 0;  ///< grows when tracking resumed without a tie to what was before
   int matches = 0;
   int inliers = 0;

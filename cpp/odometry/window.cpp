@@ -2,6 +2,7 @@
 #include "odometry/window.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "odometry/correlated_errors.hpp"
 
@@ -28,6 +29,20 @@ BundleProblem Window::problem(const std::optional<PosePrior>& prior) const {
   return problem;
 }
 
+/// The problem for covariances: errors are correlated, and as large as this window's residuals say.
+/// What slid out keeps the size that it had: else all that was ever known would grow and shrink
+/// with the newest pictures, and of two poses the later one could seem to be known better.
+BundleProblem Window::careful_problem() const {
+  BundleProblem careful = problem(careful_prior_);
+  allow_for_correlation(careful);
+  const auto scale = static_cast<float>(std::sqrt(unit_variance_));
+  for (StereoObservation& seen : careful.observations) {
+    seen.left_sigma_px *= scale;
+    seen.right_sigma_px *= scale;
+  }
+  return careful;
+}
+
 BundleResult Window::adjust(Block& block) {
   BundleProblem adjusted = problem(prior_);
   BundleOptions options;
@@ -46,7 +61,8 @@ BundleResult Window::adjust(Block& block) {
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     landmarks_[i].point_in_world = adjusted.points_in_world[i];
   }
-  take_covariances(std::move(adjusted), unit_variance(result));
+  unit_variance_ = unit_variance(result);
+  take_covariances();
   constexpr float gross = 6;
   std::size_t k = 0;
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
@@ -66,16 +82,12 @@ BundleResult Window::adjust(Block& block) {
   return result;
 }
 
-void Window::take_covariances(BundleProblem adjusted, double unit_variance) {
-  allow_for_correlation(adjusted);
-  adjusted.prior = careful_prior_;
+void Window::take_covariances() {
   BundleOptions options;
   options.loss = config_.loss;
   options.threads = config_.threads;
-  const std::vector<Matrix6d> covariances = pose_covariances(adjusted, options);
-  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    keyframes_[i].covariance = unit_variance * covariances[i];
-  }
+  const std::vector<Matrix6d> covariances = pose_covariances(careful_problem(), options);
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].covariance = covariances[i];
 }
 
 void Window::remove_landmarks(const std::vector<char>& gone, Block& block) {
@@ -96,8 +108,7 @@ void Window::slide(Block& block) {
     block.set_pose(keyframe.serial, keyframe.world_from_left);
   }
   while (static_cast<int>(keyframes_.size()) > config_.window_keyframes) {
-    BundleProblem whole = problem(prior_), careful = problem(careful_prior_);
-    allow_for_correlation(careful);
+    BundleProblem whole = problem(prior_), careful = careful_problem();
     BundleOptions options;
     options.loss = config_.loss;
     marginalize_first_frame(whole, options);
@@ -124,6 +135,7 @@ void Window::clear(Block& block) {
   keyframes_.clear();
   prior_.reset();
   careful_prior_.reset();
+  unit_variance_ = 1;
 }
 
 }  // namespace pilotage

@@ -80,14 +80,16 @@ class Window {
 
  private:
   BundleProblem problem(const std::optional<PosePrior>& prior) const;
-  void take_covariances(BundleProblem adjusted, double unit_variance);
+  BundleProblem careful_problem() const;
+  void take_covariances();
 
   OdometryConfig config_;
   RectifiedStereo stereo_;
   std::vector<Keyframe> keyframes_;
   std::vector<Landmark> landmarks_;
   std::optional<PosePrior> prior_;
-  std::optional<PosePrior> careful_prior_;  ///< for covariances: errors are correlated
+  std::optional<PosePrior> careful_prior_;  ///< for covariances
+  double unit_variance_ = 1;                ///< of the sightings in the window
 };
 
 }  // namespace pilotage

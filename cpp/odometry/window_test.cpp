@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "odometry/window.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <boost/test/unit_test.hpp>
 #include <cmath>
+#include <random>
 #include <set>
 
 #include "estimation/bundle_test_scene.hpp"
@@ -151,6 +153,34 @@ BOOST_AUTO_TEST_CASE(what_slid_out_is_remembered_as_uncertainty_and_place) {
   // the other end: errors are allowed for that sightings of a patch share, and these do not.
   BOOST_TEST(normalised < 10.5);
   BOOST_TEST(normalised > 0.6);
+}
+
+BOOST_AUTO_TEST_CASE(better_pictures_do_not_unsay_what_earlier_ones_left_open) {
+  // The judge subtracts what was known at one pose from what is known at a later one.
+  const int keyframes = 16, noisy = 8;
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    Drive drive(keyframes, 0.05, seed);
+    std::mt19937 random(seed);
+    std::normal_distribution<float> normal(0, 0.4f);
+    for (StereoObservation& seen : drive.scene.problem.observations) {
+      if (seen.frame >= noisy) continue;
+      for (float* px : {&seen.left_x_px, &seen.left_y_px, &seen.right_x_px}) *px += normal(random);
+    }
+    Window window = drive.window();
+    Block block;
+    Matrix6d before = Matrix6d::Zero();
+    for (int k = 0; k < keyframes; ++k) {
+      drive.add(window, k);
+      window.slide(block);
+      if (k > 0) window.adjust(block);
+      if (k == noisy - 1) before = window.keyframes().back().covariance;
+    }
+    // Left perturbations of all poses are about the same point; units scaled away.
+    const Matrix6d& after = window.keyframes().back().covariance;
+    const Vector6d scale = after.diagonal().cwiseSqrt().cwiseInverse();
+    const Matrix6d added = scale.asDiagonal() * (after - before) * scale.asDiagonal();
+    BOOST_TEST(Eigen::SelfAdjointEigenSolver<Matrix6d>(added).eigenvalues()[0] > -0.1);
+  }
 }
 
 }  // namespace pilotage
