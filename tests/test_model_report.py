@@ -194,6 +194,7 @@ def reconstructed(
         focal_px=400.0,
         focal_sigma_px=0.0,
         bent_pictures=list(bent),
+        fates=fates,
     )
     names = (*model.names, *missing)
     return Reconstructed(

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
+#include <tuple>
+#include <utility>
 
 #include "reconstruction/find_stop.hpp"
 #include "reconstruction/growth.hpp"
@@ -33,6 +36,29 @@ void grow(Scene& scene, Stops& stops, const ReconstructionConfig& config) {
       },
       [&] { return posed_stops(stops); },
       [&] { adjust_all(scene, config, growing_rounds, &stops); });
+}
+
+/// A walk may fall into pieces that nothing seen holds together. Another one is begun among the
+/// stops that none holds yet as long as they could be more than the largest piece has: that one is
+/// kept. False if no two stops can be posed.
+bool grow_largest(Scene& scene, Stops& stops, const std::vector<ViewPair>& pairs,
+                  const ReconstructionConfig& config) {
+  std::vector<char> free(stops.count(), 1);
+  std::optional<std::pair<Scene, Stops>> largest;
+  int most = 0;
+  while (std::count(free.begin(), free.end(), 1) > most &&
+         start_walk(scene, stops, free, pairs, config)) {
+    grow(scene, stops, config);
+    for (int stop = 0; stop < stops.count(); ++stop) {
+      if (stops.world_from_stop(stop)) free[stop] = 0;
+    }
+    if (posed_stops(stops) <= most) continue;
+    most = posed_stops(stops);
+    largest.emplace(scene, stops);
+  }
+  if (!largest) return false;
+  std::tie(scene, stops) = std::move(*largest);
+  return true;
 }
 
 /// Steps that the adjusted stops contradict are not believed any more. False if there are none.
@@ -139,8 +165,7 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
   scene.set_min_baseline(min_baseline_m);
   // 5. Stops in one frame, one after the other; adjustment with what the robot tells.
   WalkReconstruction result;
-  if (start_walk(scene, stops, pairs, config)) {
-    grow(scene, stops, config);
+  if (grow_largest(scene, stops, pairs, config)) {
     adjust_all(scene, config, final_rounds, &stops);
     if (doubt_steps(stops)) adjust_all(scene, config, final_rounds, &stops);
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.

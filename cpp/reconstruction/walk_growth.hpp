@@ -10,11 +10,11 @@
 
 namespace pilotage {
 
-/// Poses two stops that follow each other, from all their pictures together and the step between
-/// them, and places what both show. The pair that places most at good angles is taken. False if
-/// none will do.
-bool start_walk(Scene& scene, Stops& stops, const std::vector<ViewPair>& pairs,
-                const ReconstructionConfig& config);
+/// Poses two stops that follow each other and are `free`, from all their pictures together and the
+/// step between them, and places what both show. The pair that places most at good angles is taken.
+/// False if none will do.
+bool start_walk(Scene& scene, Stops& stops, const std::vector<char>& free,
+                const std::vector<ViewPair>& pairs, const ReconstructionConfig& config);
 
 /// Poses the stop that shows most places in what is known, where its step allows; elsewhere only if
 /// nearly all it shows says so, and then the step is not believed any more: somebody carried the

@@ -30,11 +30,12 @@ struct StopPair {
   double promise = 0;
 };
 
-std::vector<StopPair> successive_stops(const Stops& stops, const std::vector<ViewPair>& pairs) {
+std::vector<StopPair> successive_stops(const Stops& stops, const std::vector<char>& free,
+                                       const std::vector<ViewPair>& pairs) {
   std::vector<StopPair> found(std::max(0, stops.count() - 1));
   for (const ViewPair& pair : pairs) {
     const int a = stops.stop_of(pair.matches.a), b = stops.stop_of(pair.matches.b);
-    if (std::abs(a - b) != 1) continue;
+    if (std::abs(a - b) != 1 || !free[a] || !free[b]) continue;
     StopPair& both = found[std::min(a, b)];
     both.a = std::min(a, b);
     both.b = std::max(a, b);
@@ -133,15 +134,15 @@ double begin(Scene& scene, Stops& stops, const StopPair& pair, const Transform& 
 
 }  // namespace
 
-bool start_walk(Scene& scene, Stops& stops, const std::vector<ViewPair>& pairs,
-                const ReconstructionConfig& config) {
+bool start_walk(Scene& scene, Stops& stops, const std::vector<char>& free,
+                const std::vector<ViewPair>& pairs, const ReconstructionConfig& config) {
   struct Start {
     StopPair pair;
     Transform a_from_b;
   };
   std::optional<Start> best;
   double best_score = 0;
-  for (const StopPair& pair : successive_stops(stops, pairs)) {
+  for (const StopPair& pair : successive_stops(stops, free, pairs)) {
     const StepAccount step = step_or_guess(stops, pair.a, pair.b);
     const auto motion =
         find_stop_motion(lines_of_sight(scene, stops, pair), hypotheses_of(stops, pair, step), step,
