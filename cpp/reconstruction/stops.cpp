@@ -88,4 +88,16 @@ std::optional<StepAccount> Stops::step_between(int a, int b) const {
                      account_.steps[a]->covariance};
 }
 
+bool Stops::judge_steps() {
+  const std::vector<char> before = is_believed_;
+  for (int stop = 1; stop < count(); ++stop) {
+    const auto& step = account_.steps[stop];
+    if (!step || !poses_[stop - 1] || !poses_[stop]) continue;
+    const double misfit = step->misfit(poses_[stop - 1]->inverse() * *poses_[stop]);
+    if (misfit > contradiction) disbelieve_step_to(stop);
+    if (misfit < step_gate) believe_step_to(stop);
+  }
+  return is_believed_ != before;
+}
+
 }  // namespace pilotage

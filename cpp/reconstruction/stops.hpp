@@ -66,6 +66,9 @@ class Stops {
   void believe_steps() { is_believed_.assign(is_believed_.size(), 1); }
   void believe_step_to(int stop) { is_believed_[stop] = 1; }
   bool is_step_believed(int stop) const { return account_.steps[stop] && is_believed_[stop]; }
+  /// Judges steps between posed stops anew: doubted are those that the poses contradict, believed
+  /// again those that fit (they were doubted before their stops had settled). True if any changed.
+  bool judge_steps();
 
  private:
   WalkAccount account_;

@@ -107,6 +107,31 @@ BOOST_AUTO_TEST_CASE(a_step_is_told_both_ways_while_it_is_believed) {
   BOOST_TEST(!stops.is_step_believed(0));  // there is none
 }
 
+BOOST_AUTO_TEST_CASE(steps_are_judged_by_where_the_stops_are) {
+  Stops stops(an_account(), 6);
+  const Transform there = stops.account().steps[1]->previous_from_stop;
+  const auto put_off_by = [&](double off_m) {
+    Transform pose = there;
+    pose.translation.y() += off_m;
+    stops.set_pose(1, pose);
+  };
+  stops.set_pose(0, Transform{});
+  BOOST_TEST(!stops.judge_steps());  // nothing is known of the others
+  put_off_by(0.7);                   // seven standard errors
+  BOOST_TEST(stops.judge_steps());
+  BOOST_TEST(!stops.is_step_believed(1));
+  BOOST_TEST(stops.is_step_believed(2));
+  BOOST_TEST(!stops.judge_steps());
+  for (const double in_doubt_m : {0.5, 0.6}) {  // once doubted, until it fits well
+    put_off_by(in_doubt_m);
+    BOOST_TEST(!stops.judge_steps());
+    BOOST_TEST(!stops.is_step_believed(1));
+  }
+  put_off_by(0.1);
+  BOOST_TEST(stops.judge_steps());
+  BOOST_TEST(stops.is_step_believed(1));
+}
+
 BOOST_AUTO_TEST_CASE(a_misfit_is_counted_in_standard_errors) {
   const StepAccount account = *an_account().steps[1];
   const Transform step = account.previous_from_stop;

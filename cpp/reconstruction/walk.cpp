@@ -61,19 +61,6 @@ bool grow_largest(Scene& scene, Stops& stops, const std::vector<ViewPair>& pairs
   return true;
 }
 
-/// Steps that the adjusted stops contradict are not believed any more. False if there are none.
-bool doubt_steps(Stops& stops) {
-  bool has_doubted = false;
-  for (int stop = 1; stop < stops.count(); ++stop) {
-    const auto &a = stops.world_from_stop(stop - 1), &b = stops.world_from_stop(stop);
-    if (!a || !b || !stops.is_step_believed(stop)) continue;
-    if (stops.account().steps[stop]->misfit(a->inverse() * *b) < contradiction) continue;
-    stops.disbelieve_step_to(stop);
-    has_doubted = true;
-  }
-  return has_doubted;
-}
-
 /// Makes the first stop with a pose the world, and lengths `factor` times as large.
 void set_world(Scene& scene, Stops& stops, double factor) {
   int first = 0;
@@ -167,7 +154,7 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
   WalkReconstruction result;
   if (grow_largest(scene, stops, pairs, config)) {
     adjust_all(scene, config, final_rounds, &stops);
-    if (doubt_steps(stops)) adjust_all(scene, config, final_rounds, &stops);
+    if (stops.judge_steps()) adjust_all(scene, config, final_rounds, &stops);
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
     refine_features(scene, set, order, team);
     adjust_all(scene, config, final_rounds, &stops);
