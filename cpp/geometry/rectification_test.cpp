@@ -113,6 +113,43 @@ BOOST_AUTO_TEST_CASE(pictures_of_another_size_are_refused) {
   BOOST_CHECK_THROW(rectifier.rectify(image.view(), Side::left, rectified), std::invalid_argument);
 }
 
+BOOST_AUTO_TEST_CASE(pixels_are_read_alike_however_close_they_lie) {
+  constexpr int width = 144, height = 90;
+  const Image image = waves(width, height);
+  struct Map {
+    double zoom, turn_rad;
+  };
+  // Fours within a row and across rows, from one pixel and far apart, forwards and backwards.
+  for (const Map& map :
+       {Map{1, 0}, {0.2, 0}, {1.3, 0.02}, {1, -0.2}, {5, 0}, {0.9, 1.5}, {1, M_PI}}) {
+    const Eigen::Vector2d middle(0.5 * width + 0.3, 0.5 * height - 0.4);
+    const Eigen::Matrix2d turn = map.zoom * Eigen::Rotation2Dd(map.turn_rad).toRotationMatrix();
+    const auto source = [&](const Eigen::Vector2d& p) -> Eigen::Vector2d {
+      return middle + turn * (p - middle);
+    };
+    Image target;
+    Remap(width, height, width, height, Interpolation::bilinear, [&](const Eigen::Vector2d& p) {
+      return std::optional(source(p));
+    }).apply(image.view(), target);
+    int worst = 0, compared = 0;
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const Eigen::Vector2d p = source(Eigen::Vector2d(x, y));
+        if (p.x() < 0.1 || p.y() < 0.1 || p.x() > width - 1.1 || p.y() > height - 1.1) continue;
+        const int column = static_cast<int>(p.x()), row = static_cast<int>(p.y());
+        const double tx = p.x() - column, ty = p.y() - row;
+        const std::uint8_t *upper = image.row(row) + column, *lower = image.row(row + 1) + column;
+        const double wanted = (1 - ty) * ((1 - tx) * upper[0] + tx * upper[1]) +
+                              ty * ((1 - tx) * lower[0] + tx * lower[1]);
+        worst = std::max(worst, std::abs(target.row(y)[x] - static_cast<int>(wanted + 0.5)));
+        ++compared;
+      }
+    }
+    BOOST_TEST(worst <= 1);  // where rounding ties
+    BOOST_TEST(compared > 300);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(what_lies_outside_of_the_source_is_black) {
   const auto shifted = [](const Eigen::Vector2d& p) {
     return std::optional<Eigen::Vector2d>(p + Eigen::Vector2d(-20.5, -3.25));

@@ -13,9 +13,11 @@ namespace pilotage {
 namespace {
 
 constexpr int group_px = 16;
+constexpr int quad_px = 4;     // fetched together
 constexpr int block_px = 256;  // worked on at a time: its intermediates stay in the first cache
 
 using Floats = float __attribute__((vector_size(4 * group_px)));
+using FourInts = std::int32_t __attribute__((vector_size(4 * quad_px)));
 using Ints = std::int32_t __attribute__((vector_size(4 * group_px)));
 using Bytes = std::uint8_t __attribute__((vector_size(group_px)));
 
@@ -41,6 +43,30 @@ PILOTAGE_INLINE void store(T* to, const Vector& v) {
 
 PILOTAGE_INLINE Floats to_floats(const Ints& v) { return __builtin_convertvector(v, Floats); }
 
+#ifdef __clang__
+PILOTAGE_INLINE Bytes pick(const Bytes& from, const Bytes& places) {
+  Bytes picked;
+  for (int i = 0; i < group_px; ++i) picked[i] = from[places[i] & 15];
+  return picked;
+}
+PILOTAGE_INLINE Bytes lowest_bytes(const Ints& v) { return __builtin_convertvector(v, Bytes); }
+#else
+/// The bytes at `places`, 0 to 15.
+PILOTAGE_INLINE Bytes pick(const Bytes& from, const Bytes& places) {
+  return __builtin_shuffle(from, places);
+}
+
+/// GCC 12 would convert number by number.
+PILOTAGE_INLINE Bytes lowest_bytes(const Ints& v) {
+  Bytes quarters[4];
+  std::memcpy(quarters, &v, sizeof quarters);
+  const Bytes lowest = {0, 4, 8, 12, 16, 20, 24, 28, 0, 4, 8, 12, 16, 20, 24, 28};
+  const Bytes halves = {0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23};
+  return __builtin_shuffle(__builtin_shuffle(quarters[0], quarters[1], lowest),
+                           __builtin_shuffle(quarters[2], quarters[3], lowest), halves);
+}
+#endif
+
 PILOTAGE_KERNEL void locate(const Remap::Group* groups, int count, int stride, Block& block) {
   const Floats i = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
   for (int k = 0; k < count; ++k) {
@@ -53,17 +79,45 @@ PILOTAGE_KERNEL void locate(const Remap::Group* groups, int count, int stride, B
   }
 }
 
-/// Scalar loads into arrays: as fast as the gather instructions here, and the same everywhere.
-void fetch(const std::uint8_t* source, std::ptrdiff_t stride, int first_row, int last_row,
-           int count, Block& block) {
-  for (int r = first_row; r <= last_row; ++r) {
-    const std::uint8_t* row = source + (r - 1) * stride - 1;
-    for (int i = 0; i < count; ++i) std::memcpy(&block.taps[r][i], row + block.offset[i], 4);
+/// Fetches what neighbouring pixels read. Four that lie in one row and close by take a load and a
+/// shuffle a row; others a load each, which is as fast as the gather instructions here.
+template <int first_row, int last_row>
+PILOTAGE_INLINE void fetch(const ImageView& source, const Remap::Quads* quads, int count,
+                           Block& block) {
+  const FourInts each_byte = {0x03020100, 0x03020100, 0x03020100, 0x03020100};
+  const std::ptrdiff_t stride = source.stride;
+  const std::uint8_t* data = source.data - stride - 1;
+  for (int i = 0; i < count; i += quad_px) {
+    const std::uint8_t* from = data + block.offset[i];
+    if ((quads[i / group_px] >> (i % group_px / quad_px)) & 1) {
+      const auto along = load<FourInts>(block.offset + i) - block.offset[i];
+      const auto places = reinterpret_cast<Bytes>(along * 0x01010101 + each_byte);
+#pragma GCC unroll 4
+      for (int r = first_row; r <= last_row; ++r) {
+        store(block.taps[r] + i, pick(load<Bytes>(from + r * stride), places));
+      }
+      continue;
+    }
+    for (int k = i; k < i + quad_px; ++k) {
+      const std::uint8_t* taps = data + block.offset[k];
+      for (int r = first_row; r <= last_row; ++r) {
+        std::memcpy(&block.taps[r][k], taps + r * stride, 4);
+      }
+    }
   }
 }
 
+PILOTAGE_SHUFFLE_KERNEL void fetch_linear(const ImageView& source, const Remap::Quads* quads,
+                                          int count, Block& block) {
+  fetch<1, 2>(source, quads, count, block);
+}
+PILOTAGE_SHUFFLE_KERNEL void fetch_cubic(const ImageView& source, const Remap::Quads* quads,
+                                         int count, Block& block) {
+  fetch<0, 3>(source, quads, count, block);
+}
+
 PILOTAGE_INLINE Bytes round_to_bytes(const Floats& v) {
-  return __builtin_convertvector(__builtin_convertvector(v + 0.5f, Ints), Bytes);
+  return lowest_bytes(__builtin_convertvector(v + 0.5f, Ints));
 }
 
 PILOTAGE_INLINE Floats linear_row(const Ints& taps, const Floats& t) {
@@ -137,12 +191,17 @@ std::uint8_t sample(const ImageView& source, float x, float y, Interpolation int
   return static_cast<std::uint8_t>(std::clamp(sum, 0.0f, 255.0f) + 0.5f);
 }
 
+/// Source coordinates of a group's pixel k, as `locate` has them.
+Eigen::Vector2f place_of(const Remap::Group& g, int k) {
+  const float i = static_cast<float>(k);
+  return {g.x0 + i * (g.x1 + i * g.x2), g.y0 + i * (g.y1 + i * g.y2)};
+}
+
 void sample_group(const ImageView& source, const Remap::Group& g, Interpolation interpolation,
                   std::uint8_t* target) {
   for (int k = 0; k < group_px; ++k) {
-    const float i = static_cast<float>(k);
-    target[k] =
-        sample(source, g.x0 + i * (g.x1 + i * g.x2), g.y0 + i * (g.y1 + i * g.y2), interpolation);
+    const Eigen::Vector2f place = place_of(g, k);
+    target[k] = sample(source, place.x(), place.y(), interpolation);
   }
 }
 
@@ -165,11 +224,26 @@ Remap::Group fit_group(int x, int y, int count, const Remap::SourcePixel& source
 /// All 4x4 taps of the group lie in the source.
 bool is_inner(const Remap::Group& g, int source_width, int source_height) {
   for (int k = 0; k < group_px; ++k) {
-    const float i = static_cast<float>(k);
-    const float x = g.x0 + i * (g.x1 + i * g.x2), y = g.y0 + i * (g.y1 + i * g.y2);
-    if (!(x >= 1 && y >= 1 && x < source_width - 2 && y < source_height - 2)) return false;
+    const Eigen::Vector2f p = place_of(g, k);
+    const bool is_before_end = p.x() < source_width - 2 && p.y() < source_height - 2;
+    if (!is_before_end || !(p.array() >= 1).all()) return false;
   }
   return true;
+}
+
+/// Which fours of an inner group's pixels read one row within 16 bytes, all of the picture.
+Remap::Quads close_quads(const Remap::Group& g, int source_width) {
+  Remap::Quads quads = 0;
+  for (int k = 0; k < group_px; k += quad_px) {
+    const Eigen::Vector2i first = place_of(g, k).cast<int>();
+    bool is_close = first.x() - 1 + group_px <= source_width;
+    for (int j = 1; j < quad_px; ++j) {
+      const Eigen::Vector2i along = place_of(g, k + j).cast<int>() - first;
+      is_close &= along.y() == 0 && along.x() >= 0 && along.x() <= group_px - 4;
+    }
+    quads |= is_close << (k / quad_px);
+  }
+  return quads;
 }
 
 }  // namespace
@@ -181,13 +255,16 @@ Remap::Remap(int width, int height, int source_width, int source_height,
       groups_per_row_((width + group_px - 1) / group_px),
       interpolation_(interpolation) {
   groups_.reserve(static_cast<std::size_t>(groups_per_row_) * height);
+  quads_.reserve(groups_.capacity());
   inner_.reserve(height);
   for (int y = 0; y < height; ++y) {
     Inner longest{0, 0}, run{0, 0};
     for (int k = 0; k < groups_per_row_; ++k) {
       groups_.push_back(
           fit_group(k * group_px, y, std::min(group_px, width - k * group_px), source_pixel));
-      if (!is_inner(groups_.back(), source_width, source_height)) run.begin = k + 1;
+      const bool is_inside = is_inner(groups_.back(), source_width, source_height);
+      quads_.push_back(is_inside ? close_quads(groups_.back(), source_width) : Quads{0});
+      if (!is_inside) run.begin = k + 1;
       run.end = k + 1;
       if (run.end - run.begin > longest.end - longest.begin) longest = run;
     }
@@ -201,7 +278,8 @@ void Remap::apply(const ImageView& source, Image& target) const {
   const bool is_cubic = interpolation_ == Interpolation::cubic;
   const int stride = static_cast<int>(source.stride);
   for (int y = 0; y < height_; ++y) {
-    const Group* groups = groups_.data() + static_cast<std::size_t>(y) * groups_per_row_;
+    const std::size_t row = static_cast<std::size_t>(y) * groups_per_row_;
+    const Group* groups = groups_.data() + row;
     const Inner inner = inner_[y];
     for (int k = 0; k < groups_per_row_; ++k) {
       if (k == inner.begin && inner.end > inner.begin) k = inner.end;
@@ -212,7 +290,7 @@ void Remap::apply(const ImageView& source, Image& target) const {
       const int count = std::min(block_px / group_px, inner.end - k) * group_px;
       std::uint8_t* pixels = target.row(y) + k * group_px;
       locate(groups + k, count / group_px, stride, block);
-      fetch(source.data, stride, is_cubic ? 0 : 1, is_cubic ? 3 : 2, count, block);
+      (is_cubic ? fetch_cubic : fetch_linear)(source, quads_.data() + row + k, count, block);
       (is_cubic ? blend_cubic : blend_linear)(block, count, pixels);
     }
   }

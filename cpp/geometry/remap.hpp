@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <vector>
@@ -37,6 +38,8 @@ class Remap {
   struct Group {
     float x0, x1, x2, y0, y1, y2;
   };
+  /// One bit for each four pixels of a group: whether they read close by each other.
+  using Quads = std::uint8_t;
   /// Groups of one row whose taps all lie within the source, `[begin, end)`; the others are made
   /// pixel by pixel.
   struct Inner {
@@ -47,6 +50,7 @@ class Remap {
   int width_ = 0, height_ = 0, groups_per_row_ = 0;
   Interpolation interpolation_ = Interpolation::bilinear;
   std::vector<Group> groups_;
+  std::vector<Quads> quads_;  ///< one a group
   std::vector<Inner> inner_;
 };
 

@@ -5,15 +5,15 @@
 #include <cmath>
 
 #include "reconstruction/stop_resection.hpp"
+#include "reconstruction/stop_support.hpp"
 #include "reconstruction/walk_scene.hpp"
 
 namespace pilotage {
 namespace {
 
-/// Of the places a stop shows this part must agree on its pose, where its step led and elsewhere.
-/// A person may cover most of what it shows, but nobody carries a robot to a place by chance.
-constexpr double min_share = 0.15, sure_share = 0.3, min_carried_share = 0.4;
-constexpr int min_carried_sights = 30;
+/// Of the places a stop shows this part must agree on its pose where its step led: a person may
+/// cover most of it.
+constexpr double min_share = 0.15, sure_share = 0.3;
 /// Elsewhere this part of what agrees must be further from its middle than a person reaches.
 constexpr double person_reach_rad = 0.35, min_spread_share = 0.3;
 /// Steps over stops without a pose that tell where the next may be.

@@ -13,6 +13,7 @@
 #include "reconstruction/refinement.hpp"
 #include "reconstruction/report.hpp"
 #include "reconstruction/scene_adjustment.hpp"
+#include "reconstruction/stop_support.hpp"
 #include "reconstruction/walk_growth.hpp"
 
 namespace pilotage {
@@ -76,22 +77,11 @@ void set_world(Scene& scene, Stops& stops, double factor) {
   }
 }
 
-/// Counts what holds a stop and what contradicts it, of things that other stops show as well.
-void count_sights(const Scene& scene, const Stops& stops, std::vector<PlacedStop>& placed) {
-  for (int t = 0; t < scene.track_count(); ++t) {
-    const Track& track = scene.track(t);
-    const auto stop_of = [&](const FeatureRef& f) { return stops.stop_of(f.picture); };
-    const bool is_shown_twice = std::any_of(track.begin(), track.end(), [&](const FeatureRef& f) {
-      return stop_of(f) != stop_of(track.front());
-    });
-    for (std::size_t k = 0; k < track.size(); ++k) {
-      PlacedStop& stop = placed[stop_of(track[k])];
-      if (!stop.world_from_stop) continue;
-      const bool is_used = scene.point(t).is_used[k];
-      stop.sights += is_used;
-      stop.set_aside += is_shown_twice && !is_used;
-    }
-  }
+/// Takes out stops that nothing holds any more. False if there are none.
+bool drop_unsupported(Scene& scene, Stops& stops) {
+  const std::vector<int> unsupported = unsupported_stops(run_supports(scene, stops), stops);
+  for (const int stop : unsupported) remove_stop(scene, stops, stop);
+  return !unsupported.empty();
 }
 
 /// Whether no stop before has a pose: the world begins here.
@@ -119,10 +109,13 @@ std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, dou
                                      const ReconstructionConfig& config) {
   std::vector<PlacedStop> placed(stops.count());
   const std::vector<Matrix6d> covariances = stop_covariances(scene, stops, config);
+  const std::vector<StopSupport> supports = stop_supports(scene, stops);
   for (int k = 0; k < stops.count(); ++k) {
     placed[k].world_from_stop = stops.world_from_stop(k);
     if (!placed[k].world_from_stop) continue;
     placed[k].fate = fate_of(stops, k);
+    placed[k].sights = supports[k].sights;
+    placed[k].set_aside = supports[k].set_aside;
     const Eigen::Vector3d way = length_sigma * placed[k].world_from_stop->translation;
     // A turn of the world's axes moves the place on its lever.
     Matrix6d place_from_left = Matrix6d::Identity();
@@ -130,7 +123,6 @@ std::vector<PlacedStop> report_stops(const Scene& scene, const Stops& stops, dou
     placed[k].covariance = place_from_left * covariances[k] * place_from_left.transpose();
     placed[k].covariance.topLeftCorner<3, 3>() += way * way.transpose();
   }
-  count_sights(scene, stops, placed);
   return placed;
 }
 
@@ -158,6 +150,7 @@ WalkReconstruction reconstruct_walk(std::span<const ImageView> pictures,
     // 6. The same things to a tenth of a pixel, and everything adjusted to that.
     refine_features(scene, set, order, team);
     adjust_all(scene, config, final_rounds, &stops);
+    if (drop_unsupported(scene, stops)) adjust_all(scene, config, final_rounds, &stops);
     // 7. Lengths by all that tells of them.
     result.lengths = length_estimates(scene, stops, config);
     if (const auto length = combined_length(result.lengths)) {

@@ -25,11 +25,6 @@ bool settle(Scene& scene, Stops& stops, int stop, const ReconstructionConfig& co
   return used >= config.min_pose_inliers;
 }
 
-void remove(Scene& scene, Stops& stops, int stop) {
-  for (const int picture : stops.pictures_of(stop)) remove_picture(scene, picture);
-  stops.set_pose(stop, std::nullopt);
-}
-
 /// Steps to and from a stop that its pose and its neighbours' contradict.
 std::vector<int> contradicted_steps(const Stops& stops, int stop) {
   std::vector<int> contradicted;
@@ -45,6 +40,11 @@ std::vector<int> contradicted_steps(const Stops& stops, int stop) {
 
 }  // namespace
 
+void remove_stop(Scene& scene, Stops& stops, int stop) {
+  for (const int picture : stops.pictures_of(stop)) remove_picture(scene, picture);
+  stops.set_pose(stop, std::nullopt);
+}
+
 bool try_stop(Scene& scene, Stops& stops, int stop, bool anywhere,
               const ReconstructionConfig& config) {
   const auto found = find_stop(scene, stops, stop, config);
@@ -53,7 +53,7 @@ bool try_stop(Scene& scene, Stops& stops, int stop, bool anywhere,
   const std::vector<int> contradicted = contradicted_steps(stops, stop);
   for (const int to : contradicted) stops.disbelieve_step_to(to);
   if (settle(scene, stops, stop, config)) return true;
-  remove(scene, stops, stop);
+  remove_stop(scene, stops, stop);
   for (const int to : contradicted) stops.believe_step_to(to);
   return false;
 }

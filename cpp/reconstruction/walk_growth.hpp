@@ -27,4 +27,7 @@ std::optional<int> add_stop(Scene& scene, Stops& stops, std::vector<char>& was_r
 bool try_stop(Scene& scene, Stops& stops, int stop, bool anywhere,
               const ReconstructionConfig& config);
 
+/// Takes a stop's pose back, and what its pictures hold.
+void remove_stop(Scene& scene, Stops& stops, int stop);
+
 }  // namespace pilotage
