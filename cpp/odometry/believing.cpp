@@ -45,7 +45,7 @@ double Judge::chi_square_of(const Motion& a, const Motion& b, double elapsed_s,
 Judge::Comparison Judge::compare(Instant& now) {
   const std::size_t n = sources_.size();
   Comparison seen{std::vector<char>(n * n, 1), std::vector<Vector6d>(n * n, Vector6d::Zero()),
-                  std::vector<double>(n, 0)};
+                  std::vector<double>(n * n, 0), std::vector<double>(n, 0)};
   const Instant* start = window_start(now.timestamp_ns);
   if (!start) return seen;
   const double elapsed_s = seconds_between(start->timestamp_ns, now.timestamp_ns);
@@ -63,6 +63,7 @@ Judge::Comparison Judge::compare(Instant& now) {
       Vector6d difference;
       const double chi_square = chi_square_of(*motions[i], *motions[j], elapsed_s, difference);
       seen.agrees[i * n + j] = seen.agrees[j * n + i] = chi_square < limit;
+      seen.chi_squares[i * n + j] = chi_square;
       seen.differences[i * n + j] = seen.differences[j * n + i] = difference;
       if (chi_square < limit) {
         usual_chi_square_ = (1 - learning) * usual_chi_square_ + learning * chi_square;
@@ -89,6 +90,22 @@ void Judge::choose_by_chi_square(Instant& now) {
   for (std::size_t i = 0; i < n; ++i) candidates |= now.sights[i].has_pose ? 1u << i : 0u;
   const bool all_agree = is_agreed(candidates, seen);
   believe(all_agree ? candidates : most_plausible(candidates, seen, now), candidates, seen, now);
+  now.birge_ratio = birge_ratio(seen, now);
+}
+
+/// Chi-square over its mean, of those two of the believed pairs that differ most.
+double Judge::birge_ratio(const Comparison& seen, const Instant& now) {
+  const std::size_t n = seen.ways.size();
+  const auto is_believed = [&](std::size_t i) {
+    return now.joint.pairs[i].belief == Belief::joined;
+  };
+  double worst = 6;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = i + 1; j < n; ++j) {
+      if (is_believed(i) && is_believed(j)) worst = std::max(worst, seen.chi_squares[i * n + j]);
+    }
+  }
+  return worst / 6;
 }
 
 /// Whether all pairs of a set agree with each other.

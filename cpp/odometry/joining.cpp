@@ -159,6 +159,7 @@ void Judge::publish(const Transform& joint, const PathState& path, Instant& now)
   for (const Vector6d& error : path.rig_errors) {
     now.joint.covariance += error * error.transpose();
   }
+  now.joint.covariance *= now.birge_ratio;
   now.joint.covariance.topLeftCorner<3, 3>() +=
       config_.scale_sigma * config_.scale_sigma * joint.translation * joint.translation.transpose();
   now.joint.covariance += lateness(joint, now.timestamp_ns);

@@ -79,8 +79,10 @@ struct JointResult {
 /// two instants must be equal. Over a sliding window the difference of two motions is tested
 /// against both covariances (chi-square). Poses of those that agree are averaged by covariance; of
 /// those that disagree the more plausible is believed: the one that goes on moving as the robot
-/// did, that is not degraded, and whose y-parallax is the usual one. Shutters need not coincide:
-/// poses are interpolated between time stamps.
+/// did, that is not degraded, and whose y-parallax is the usual one. Where those that are believed
+/// differ by more than they say, though not by enough to tell who is wrong, the joint covariance
+/// grows until it explains the difference (R. T. Birge, Phys. Rev. 40, 207, 1932). Shutters need
+/// not coincide: poses are interpolated between time stamps.
 class Judge {
  public:
   /// Throws std::invalid_argument for fewer than one pair.
@@ -129,6 +131,8 @@ class Judge {
     std::vector<Sight> sights;
     JointResult joint;
     bool is_disputed = false;  ///< a pair is set aside; by the paper's rule, pairs differ
+    /// By how much variances must grow for pairs that are believed to differ as they do.
+    double birge_ratio = 1;
     PathState path;
   };
   struct Motion {
@@ -142,6 +146,7 @@ class Judge {
   struct Comparison {
     std::vector<char> agrees;
     std::vector<Vector6d> differences;
+    std::vector<double> chi_squares;
     std::vector<double> ways;  ///< how far each pair moved
   };
 
@@ -160,6 +165,7 @@ class Judge {
   unsigned most_plausible(unsigned candidates, const Comparison& seen, const Instant& now) const;
   bool agrees_as_usual(int pair, unsigned chosen, const Comparison& seen) const;
   void believe(unsigned chosen, unsigned candidates, const Comparison& seen, Instant& now);
+  static double birge_ratio(const Comparison& seen, const Instant& now);
   void choose_by_m_q(Instant& now);
   static Vector6d joint_twist(const Instant& from, const Instant& to);
   double worst_move(int pair, const Instant& now) const;
