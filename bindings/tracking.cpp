@@ -20,6 +20,8 @@ using namespace nb::literals;
 
 using Pixels = nb::ndarray<const float, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Stretches = nb::ndarray<const float, nb::shape<-1, 2, 2>, nb::c_contig, nb::device::cpu>;
+using RowMatrix2f = Eigen::Matrix<float, 2, 2, Eigen::RowMajor>;
 using DescriptorArray =
     nb::ndarray<const std::uint8_t, nb::shape<-1, 128>, nb::c_contig, nb::device::cpu>;
 
@@ -91,7 +93,8 @@ void bind_options(nb::module_& m) {
       .def_rw("half_height_px", &SubpixelOptions::half_height_px)
       .def_rw("max_iterations", &SubpixelOptions::max_iterations)
       .def_rw("max_shift_px", &SubpixelOptions::max_shift_px)
-      .def_rw("along_row_only", &SubpixelOptions::along_row_only);
+      .def_rw("along_row_only", &SubpixelOptions::along_row_only)
+      .def_rw("doubts_gradients", &SubpixelOptions::doubts_gradients);
   nb::class_<DescriptorMatchOptions>(m, "DescriptorMatchOptions", "Ratio and mutual tests.")
       .def(nb::init<>())
       .def_rw("max_distance", &DescriptorMatchOptions::max_distance)
@@ -173,18 +176,26 @@ nb::dict match_stereo_arrays(const ImageArray& left, const ImageArray& right, co
 }
 
 nb::dict refine_matches(const ImageArray& a, const Pixels& points_in_a, const ImageArray& b,
-                        const Pixels& guesses_in_b, const SubpixelOptions& options) {
+                        const Pixels& guesses_in_b, const SubpixelOptions& options,
+                        const std::optional<Stretches>& a_from_b) {
   const ImageView view_a = image_view(a, "a"), view_b = image_view(b, "b");
   const auto points = points_of(points_in_a), guesses = points_of(guesses_in_b);
   if (points.size() != guesses.size()) {
     throw std::invalid_argument("refine_matches: " + std::to_string(points.size()) +
                                 " points and " + std::to_string(guesses.size()) + " guesses");
   }
+  if (a_from_b && a_from_b->shape(0) != points.size()) {
+    throw std::invalid_argument("refine_matches: " + std::to_string(points.size()) +
+                                " points and " + std::to_string(a_from_b->shape(0)) +
+                                " of a_from_b");
+  }
   std::vector<SubpixelMatch> matches;
   {
     const nb::gil_scoped_release released;
+    Eigen::Matrix2f stretch = Eigen::Matrix2f::Identity();
     for (std::size_t i = 0; i < points.size(); ++i) {
-      matches.push_back(refine_match(view_a, points[i], view_b, guesses[i], options));
+      if (a_from_b) stretch = Eigen::Map<const RowMatrix2f>(a_from_b->data() + 4 * i);
+      matches.push_back(refine_match(view_a, points[i], view_b, guesses[i], options, stretch));
     }
   }
   std::vector<Eigen::Vector2f> positions, sigmas;
@@ -264,8 +275,10 @@ void bind_tracking(nb::module_& m) {
       "score, peak_ratio and ok (0 where there is no match), each (N,).");
   m.def("refine_matches", &refine_matches, nb::kw_only(), "a"_a.noconvert(), "points_in_a_px"_a,
         "b"_a.noconvert(), "guesses_in_b_px"_a, "options"_a = SubpixelOptions{},
+        "a_from_b"_a = nb::none(),
         "Refine matches by least-squares correlation: dict of position_px (N, 2), sigma_px (N, 2), "
-        "correlation and ok.");
+        "correlation and ok. a_from_b (N, 2, 2) float32 maps offsets from a point in b to those in "
+        "a; without it patches look alike in both.");
   bind_matching(m);
 }
 

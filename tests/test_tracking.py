@@ -172,6 +172,11 @@ def test_wrong_calls_are_refused() -> None:
         _core.refine_matches(
             a=image, points_in_a_px=points, b=image, guesses_in_b_px=points[:2].copy()
         )
+    with pytest.raises(ValueError, match="3 points and 1 of a_from_b"):
+        _core.refine_matches(
+            a=image, points_in_a_px=points, b=image, guesses_in_b_px=points,
+            a_from_b=np.eye(2, dtype=np.float32)[None],
+        )  # fmt: skip
 
 
 def test_stereo_match_on_the_motorcycle(data_folder: Path) -> None:

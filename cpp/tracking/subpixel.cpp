@@ -56,6 +56,36 @@ PILOTAGE_INLINE void sample(const ImageView& image, float x, float y, int rows, 
   }
 }
 
+/// Interpolates at one place.
+PILOTAGE_INLINE float value_at(const ImageView& image, float x, float y) {
+  const int x0 = static_cast<int>(std::floor(x)) - 1, y0 = static_cast<int>(std::floor(y)) - 1;
+  float wx[taps], wy[taps], across[taps];
+  cubic_weights(x - std::floor(x), wx);
+  cubic_weights(y - std::floor(y), wy);
+  for (int r = 0; r < taps; ++r) {
+    const std::uint8_t* p = image.row(y0 + r) + x0;
+    across[r] = (wx[0] * p[0] + wx[1] * p[1]) + (wx[2] * p[2] + wx[3] * p[3]);
+  }
+  return (wy[0] * across[0] + wy[1] * across[1]) + (wy[2] * across[2] + wy[3] * across[3]);
+}
+
+/// Samples the window, a pixel wider on each side, whose offsets from `centre` are stretched.
+PILOTAGE_INLINE void sample_stretched(const ImageView& image, const float* centre,
+                                      const Eigen::Matrix2f& stretch,
+                                      const SubpixelOptions& options, Window& window) {
+  for (int r = 0; r < 2 * options.half_height_px + 3; ++r) {
+    const auto v = static_cast<float>(r - options.half_height_px - 1);
+    for (int l = 0; l < lanes; ++l) {
+      const auto u = static_cast<float>(l - options.half_width_px - 1);
+      const bool is_used = l < 2 * options.half_width_px + 3;
+      window.row[r][l] = is_used
+                             ? value_at(image, centre[0] + (stretch(0, 0) * u + stretch(0, 1) * v),
+                                        centre[1] + (stretch(1, 0) * u + stretch(1, 1) * v))
+                             : 0.0F;
+    }
+  }
+}
+
 /// Sum over lanes in a fixed order, the same on every instruction set.
 PILOTAGE_INLINE float total(const float* v) {
   float half[8], quarter[4];
@@ -100,13 +130,18 @@ struct Template {
   float xx = 0, xy = 0, yy = 0, determinant = 0;
 };
 
-PILOTAGE_INLINE void prepare(const ImageView& a, float x, float y, const SubpixelOptions& options,
+PILOTAGE_INLINE void prepare(const ImageView& a, const float* point,
+                             const Eigen::Matrix2f& a_from_b, const SubpixelOptions& options,
                              const float* mask, Template& t) {
   const int rows = 2 * options.half_height_px + 1;
   const auto count = static_cast<float>(rows * (2 * options.half_width_px + 1));
   Window wide;  // a pixel more on each side, for central differences
-  sample(a, x - static_cast<float>(options.half_width_px) - 1,
-         y - static_cast<float>(options.half_height_px) - 1, rows + 2, wide);
+  if (a_from_b == Eigen::Matrix2f::Identity()) {
+    sample(a, point[0] - static_cast<float>(options.half_width_px) - 1,
+           point[1] - static_cast<float>(options.half_height_px) - 1, rows + 2, wide);
+  } else {
+    sample_stretched(a, point, a_from_b, options, wide);
+  }
   for (int r = 0; r < rows; ++r) {
     for (int l = 0; l < lanes - 2; ++l) {
       t.value.row[r][l] = wide.row[r + 1][l + 1];
@@ -130,24 +165,47 @@ PILOTAGE_INLINE void prepare(const ImageView& a, float x, float y, const Subpixe
   t.determinant = options.along_row_only ? t.xx : t.xx * t.yy - t.xy * t.xy;
 }
 
-bool is_inside(const ImageView& image, const Eigen::Vector2f& p, const SubpixelOptions& options) {
+bool is_inside(const ImageView& image, const Eigen::Vector2f& p, const SubpixelOptions& options,
+               const Eigen::Matrix2f& stretch = Eigen::Matrix2f::Identity()) {
   // Two pixels more than the window: one for the gradient, one for the interpolation.
-  const auto w = static_cast<float>(options.half_width_px + 2);
-  const auto h = static_cast<float>(options.half_height_px + 2);
+  const Eigen::Vector2f half(static_cast<float>(options.half_width_px + 1),
+                             static_cast<float>(options.half_height_px + 1));
+  const Eigen::Vector2f reach = stretch.cwiseAbs() * half;
+  const float w = reach.x() + 1, h = reach.y() + 1;
   return p.x() >= w && p.y() >= h && p.x() < static_cast<float>(image.width - 1) - w &&
          p.y() < static_cast<float>(image.height - 1) - h;
 }
 
+/// Variances of x and y if of the squared gradients what noise makes is taken off: a shift moves
+/// only what is there in both pictures, but noise in the gradients weighs noise as well.
+PILOTAGE_INLINE void doubt_gradients(const Template& t, float variance, float count, float* x2y2) {
+  constexpr float least = 0.2F;  // of the squared gradients; what is left is not known better
+  // Half of the variance is the template's; central differences have half of its noise squared.
+  const float noise = 0.25F * variance * count;
+  const float xx = std::max(t.xx - noise, least * t.xx);
+  const float yy = std::max(t.yy - noise, least * t.yy);
+  float xy = t.xy;
+  if (xx * yy - xy * xy < least * least * t.xx * t.yy) xy = 0;
+  const float scale = 1 / (xx * yy - xy * xy);
+  const float a = scale * yy, b = -scale * xy, c = scale * xx;  // the inverse
+  x2y2[0] = variance * (a * a * t.xx + 2 * a * b * t.xy + b * b * t.yy);
+  x2y2[1] = variance * (b * b * t.xx + 2 * b * c * t.xy + c * c * t.yy);
+}
+
 /// Fills in correlation and sigma from the last residuals.
-PILOTAGE_INLINE void judge(const Template& t, float correlation, float freedom, bool along_row_only,
-                           SubpixelMatch& match) {
+PILOTAGE_INLINE void judge(const Template& t, float correlation, float count,
+                           const SubpixelOptions& options, SubpixelMatch& match) {
   match.correlation = correlation;
   // Residuals of the window scaled to the template's contrast: norm2 (1/c^2 - 1) would treat all
   // noise as B's, 2 norm2 (1 - c) shares it; they agree where matches are good.
-  const float variance = 2 * t.norm2 * std::max(0.0F, 1 - correlation) / freedom;
-  const float x2 = along_row_only ? variance / t.xx : variance * t.yy / t.determinant;
-  const float y2 = along_row_only ? 0.0F : variance * t.xx / t.determinant;
-  match.sigma_px = {std::sqrt(x2), std::sqrt(y2)};
+  const float variance = 2 * t.norm2 * std::max(0.0F, 1 - correlation) / (count - 4);
+  float x2y2[2] = {variance / t.xx, 0};
+  if (!options.along_row_only) {
+    x2y2[0] = variance * t.yy / t.determinant;
+    x2y2[1] = variance * t.xx / t.determinant;
+    if (options.doubts_gradients) doubt_gradients(t, variance, count, x2y2);
+  }
+  match.sigma_px = {std::sqrt(x2y2[0]), std::sqrt(x2y2[1])};
 }
 
 /// One Gauss-Newton step (x, y) from where the window `here`, of mean zero, was sampled.
@@ -168,13 +226,13 @@ PILOTAGE_INLINE void find_step(const Template& t, const Window& here, float norm
 
 PILOTAGE_KERNEL void refine(const ImageView& a, const float* point, const ImageView& b,
                             const float* guess, const SubpixelOptions& options,
-                            SubpixelMatch& match) {
+                            const Eigen::Matrix2f& a_from_b, SubpixelMatch& match) {
   const int rows = 2 * options.half_height_px + 1, columns = 2 * options.half_width_px + 1;
   const auto count = static_cast<float>(rows * columns);
   alignas(64) float mask[lanes];
   for (int l = 0; l < lanes; ++l) mask[l] = l < columns ? 1.0F : 0.0F;
   Template t;
-  prepare(a, point[0], point[1], options, mask, t);
+  prepare(a, point, a_from_b, options, mask, t);
   // Less than one grey level of contrast, or no gradient across the aperture.
   if (t.norm2 < count || t.determinant <= (options.along_row_only ? 1.0F : 1e-4F * t.xx * t.yy)) {
     return;
@@ -191,13 +249,13 @@ PILOTAGE_KERNEL void refine(const ImageView& a, const float* point, const ImageV
     centre(here, mask, rows, count);
     const float norm2 = dot(here, here, rows);
     if (norm2 < 1) return;
-    judge(t, dot(here, t.value, rows) / std::sqrt(t.norm2 * norm2), count - 4,
-          options.along_row_only, match);
+    judge(t, dot(here, t.value, rows) / std::sqrt(t.norm2 * norm2), count, options, match);
     float step[2];
     find_step(t, here, norm2, rows, options.along_row_only, step);
     place += Eigen::Vector2f(step[0], step[1]);
-    // The next step would be some tenths of this one.
-    if (std::abs(step[0]) + std::abs(step[1]) < 0.02F) break;
+    // The next step would be some tenths of this one; nearly as long if gradients are mostly noise.
+    const float last_step = options.doubts_gradients ? 0.002F : 0.02F;
+    if (std::abs(step[0]) + std::abs(step[1]) < last_step) break;
   }
   match.ok = match.correlation > 0;
 }
@@ -218,12 +276,12 @@ void SubpixelOptions::validate() const {
 
 SubpixelMatch refine_match(const ImageView& a, const Eigen::Vector2f& point_in_a,
                            const ImageView& b, const Eigen::Vector2f& guess_in_b,
-                           const SubpixelOptions& options) {
+                           const SubpixelOptions& options, const Eigen::Matrix2f& a_from_b) {
   options.validate();
   SubpixelMatch match;
   match.position_px = guess_in_b;
-  if (is_inside(a, point_in_a, options) && is_inside(b, guess_in_b, options)) {
-    refine(a, point_in_a.data(), b, guess_in_b.data(), options, match);
+  if (is_inside(a, point_in_a, options, a_from_b) && is_inside(b, guess_in_b, options)) {
+    refine(a, point_in_a.data(), b, guess_in_b.data(), options, a_from_b, match);
   }
   return match;
 }

@@ -15,6 +15,9 @@ struct SubpixelOptions {
   float max_shift_px = 1.5F;
   /// Keeps the row of the guess: for pairs known to be rectified.
   bool along_row_only = false;
+  /// Sigmas allow for the part of the gradients that is noise: where a picture has stripes, along
+  /// them nearly all of it. In two directions only.
+  bool doubts_gradients = false;
 
   /// Throws std::invalid_argument naming the value and its range.
   void validate() const;
@@ -31,8 +34,10 @@ struct SubpixelMatch {
 /// Refines the homologous point of `point_in_a` by least-squares correlation (Gruen 1985), shift
 /// with gain and offset of brightness; `guess_in_b` should be within a pixel. Positions may be
 /// fractions of pixels in both pictures; both are interpolated by the same cubic convolution.
+/// `a_from_b` maps offsets from the point in B to those in A, of what is seen from elsewhere.
 SubpixelMatch refine_match(const ImageView& a, const Eigen::Vector2f& point_in_a,
                            const ImageView& b, const Eigen::Vector2f& guess_in_b,
-                           const SubpixelOptions& options = {});
+                           const SubpixelOptions& options = {},
+                           const Eigen::Matrix2f& a_from_b = Eigen::Matrix2f::Identity());
 
 }  // namespace pilotage

@@ -25,13 +25,21 @@ class Texture {
   /// The texture moved by (dx, dy), with noise, gain and offset.
   Image render(double dx, double dy, double noise, unsigned seed, double gain = 1,
                double offset = 0) const {
+    return render([&](double x, double y) { return Eigen::Vector2d(x - dx, y - dy); }, noise, seed,
+                  gain, offset);
+  }
+
+  /// The same where pixel (x, y) shows the texture's point `at(x, y)`.
+  template <typename At>
+  Image render(const At& at, double noise, unsigned seed, double gain, double offset) const {
     std::mt19937 random(seed);
     std::normal_distribution<double> normal(0, noise);
     Image image(160, 120);
     for (int y = 0; y < 120; ++y) {
       for (int x = 0; x < 160; ++x) {
+        const Eigen::Vector2d p = at(x, y);
         double value = 0;
-        for (const Wave& w : waves_) value += std::cos(w.u * (x - dx) + w.v * (y - dy) + w.phase);
+        for (const Wave& w : waves_) value += std::cos(w.u * p.x() + w.v * p.y() + w.phase);
         value = gain * (128 + 10 * value) + offset + normal(random);
         image.row(y)[x] = static_cast<std::uint8_t>(std::clamp(std::lround(value), 0L, 255L));
       }
@@ -96,6 +104,42 @@ BOOST_AUTO_TEST_CASE(subpixel_shift_is_recovered_without_bias) {
       BOOST_TEST(e.sigma < e.rms * 1.33);
     }
   }
+}
+
+/// As of a floor seen from higher up: shorter by a quarter, by less across, and turned a little.
+BOOST_AUTO_TEST_CASE(subpixel_finds_what_is_stretched) {
+  const Texture texture(1);
+  const Eigen::Matrix2d a_from_b{{1.15, 0.05}, {-0.1, 1.3}};
+  const Eigen::Vector2d middle(80, 60);
+  const auto seen = [&](double x, double y) -> Eigen::Vector2d {
+    return middle + a_from_b * (Eigen::Vector2d(x, y) - middle);
+  };
+  const Image a = texture.render(0, 0, 2.0, 2);
+  const Image b = texture.render(seen, 2.0, 3, 0.9, 8);
+  SubpixelOptions options;
+  options.half_width_px = options.half_height_px = 6;
+  options.max_shift_px = 3;
+  const auto rms_px = [&](const Eigen::Matrix2f& stretch) {
+    double squares = 0;
+    int count = 0;
+    for (int y = 30; y < 95; y += 7) {
+      for (int x = 30; x < 135; x += 7) {
+        const Eigen::Vector2d p(x + 0.3, y - 0.2);
+        const Eigen::Vector2d truth = middle + a_from_b.inverse() * (p - middle);
+        const Eigen::Vector2f guess = (truth + Eigen::Vector2d(0.4, -0.4)).cast<float>();
+        const auto match =
+            refine_match(a.view(), p.cast<float>(), b.view(), guess, options, stretch);
+        if (!match.ok || match.correlation < 0.7F) continue;
+        squares += (match.position_px.cast<double>() - truth).squaredNorm();
+        ++count;
+      }
+    }
+    BOOST_TEST(count > 90);
+    return std::sqrt(squares / (2 * count));
+  };
+  const double right_px = rms_px(a_from_b.cast<float>());
+  BOOST_TEST(right_px < 0.05);
+  BOOST_TEST(rms_px(Eigen::Matrix2f::Identity()) > 4 * right_px);
 }
 
 BOOST_AUTO_TEST_CASE(subpixel_along_the_row_keeps_the_row) {

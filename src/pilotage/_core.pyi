@@ -354,6 +354,10 @@ class SubpixelOptions:
     def along_row_only(self) -> bool: ...
     @along_row_only.setter
     def along_row_only(self, arg: bool, /) -> None: ...
+    @property
+    def doubts_gradients(self) -> bool: ...
+    @doubts_gradients.setter
+    def doubts_gradients(self, arg: bool, /) -> None: ...
 
 class DescriptorMatchOptions:
     """Ratio and mutual tests."""
@@ -437,9 +441,13 @@ def refine_matches(
         NDArray[numpy.float32], dict(shape=(None, 2), order="C", device="cpu", writable=False)
     ],
     options: SubpixelOptions = ...,
+    a_from_b: Annotated[
+        NDArray[numpy.float32], dict(shape=(None, 2, 2), order="C", device="cpu", writable=False)
+    ]
+    | None = None,
 ) -> dict:
     """
-    Refine matches by least-squares correlation: dict of position_px (N, 2), sigma_px (N, 2), correlation and ok.
+    Refine matches by least-squares correlation: dict of position_px (N, 2), sigma_px (N, 2), correlation and ok. a_from_b (N, 2, 2) float32 maps offsets from a point in b to those in a; without it patches look alike in both.
     """
 
 def match_all(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pilotage import Camera, PictureFate, Transform
 from pilotage.behaviors.depth_refusals import REFUSALS, cause_of
 from pilotage.behaviors.reconstruct import check_size, read_greys
+from pilotage.behaviors.stretch import find_stretches
 from pilotage.errors import InputError
 
 if TYPE_CHECKING:
@@ -256,9 +257,12 @@ def _refined(greys: list[Grey], camera: Camera, first: Array, second: Array) -> 
     options = _core.SubpixelOptions()
     options.half_width_px = options.half_height_px = HALF_WINDOW_PX
     options.max_shift_px = MOST_SHIFT_PX
+    options.doubts_gradients = True
+    options.max_iterations = 40
     better = _core.refine_matches(
         a=greys[0], points_in_a_px=first.astype(np.float32),
         b=greys[1], guesses_in_b_px=second.astype(np.float32), options=options,
+        a_from_b=find_stretches(first, second),
     )  # fmt: skip
     is_same = better["ok"].astype(bool) & (better["correlation"] > LEAST_CORRELATION)
     pixels = np.ascontiguousarray(first[is_same])
