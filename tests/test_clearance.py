@@ -47,6 +47,16 @@ def test_a_path_that_does_not_fit_names_those_that_do(tmp_path: Path) -> None:
         floor.choose(["straight-8m", "straight-4m"])
 
 
+def test_no_path_leads_over_the_edge_of_the_ground(tmp_path: Path) -> None:
+    file = tmp_path / "table.xml"
+    table = '<geom name="ground" type="box" size="2 2 0.1" pos="0 0 -0.1"/>'
+    file.write_text(f"<mujoco><worldbody>{table}</worldbody></mujoco>")
+    floor = FreeFloor(load_world(file), 0.4)
+    with pytest.raises(InputError, match=r"2\.1 m .* the edge of the ground; .*straight-1m"):
+        floor.check("straight-4m")
+    assert floor.choose(["straight-4m", "straight-1m"]) == "straight-1m"
+
+
 @pytest.mark.parametrize("person", ["stand", "walk"])
 def test_persons_are_kept_away_from(person: str) -> None:
     floor = FreeFloor(load_world("office", seed=0, options={"person": person}), 0.4)

@@ -15,10 +15,10 @@ import mujoco
 import numpy as np
 import pytest
 from camera_scenes import RIGHT, WORLD, record, shots, small_world
-from program import call
+from program import call, said
 
 from pilotage.errors import InputError, RunError
-from pilotage.simulation import Fault, Motion, Simulation, load_world
+from pilotage.simulation import Fault, Motion, Simulation, World, load_world
 from pilotage.simulation.sight import height_below_m
 from pilotage.simulation.solids import Solids
 
@@ -34,7 +34,7 @@ def with_wall(folder: Path, x_m: float, attributes: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("x_m", "attributes", "said"),
+    ("x_m", "attributes", "message"),
     [
         (0.6, SOLID, "small: camera front_left is inside 'wall' at x 0.57"),
         (0.0, 'type="box" size="3 3 3"', "camera front_left is inside 'wall'"),
@@ -43,15 +43,86 @@ def with_wall(folder: Path, x_m: float, attributes: str) -> Path:
     ],
 )
 def test_no_camera_and_no_robot_starts_inside_something(
-    tmp_path: Path, x_m: float, attributes: str, said: str
+    tmp_path: Path, x_m: float, attributes: str, message: str
 ):
     world = with_wall(tmp_path, x_m, attributes)
     done = call("simulate", world, "-o", tmp_path / "out", *SMALL)
     assert done.exit_code == 2
-    assert "wall" in done.output or said in done.output
+    assert "wall" in done.output or message in done.output
     assert not list(tmp_path.glob("out/*"))
-    with pytest.raises(InputError, match=re.escape(said)):
+    with pytest.raises(InputError, match=re.escape(message)):
         Simulation(load_world(world))
+
+
+@pytest.mark.parametrize(
+    ("note", "message"),
+    [
+        ("asphalt seed=abc", "surface:floor: seed = 'abc': must be a whole number from 0"),
+        ("asphalt seed", "surface:floor: seed = '': must be a whole number"),
+        ("asphalt sed=7", "option 'sed' is unknown; did you mean 'seed'?"),
+        ("asphalt scale=0", "surface:floor: scale = '0': must be a number from 0.01 to 100"),
+        ("asphalt scale=nan", "surface:floor: scale = 'nan'"),
+        ("asphlt", "surface 'asphlt' is unknown; did you mean 'asphalt'?"),
+    ],
+)
+def test_a_surface_that_cannot_be_is_misuse(tmp_path: Path, note: str, message: str):
+    world = tmp_path / "small.xml"
+    world.write_text(WORLD.format(wall_x_m=5).replace("gravel seed=7 scale=4", note))
+    done = call("simulate", world, "-o", tmp_path / "out", *SMALL)
+    assert done.exit_code == 2
+    assert message in said(done)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_surface_of_no_material_is_misuse(tmp_path: Path):
+    world = tmp_path / "small.xml"
+    world.write_text(WORLD.format(wall_x_m=5).replace("surface:wall", "surface:wal"))
+    done = call("simulate", world, "-o", tmp_path / "out", *SMALL)
+    assert done.exit_code == 2
+    assert "text 'surface:wal' names no material" in said(done)
+
+
+def test_what_a_camera_is_inside_has_a_name_though_it_has_none_itself(tmp_path: Path):
+    box = '<geom type="box" size="0.1 1 1.5"/>'
+    world = with_wall(tmp_path, 5, SOLID)
+    text = world.read_text()
+    for thing, name in (
+        (f'<body name="fence" pos="0.6 0 0.5">{box}</body>', "a geom of body 'fence'"),
+        (box.replace("/>", ' pos="0.6 0 0.5" material="red"/>'), "a geom of material 'red'"),
+    ):
+        world.write_text(text.replace("</worldbody>", thing + "</worldbody>"))
+        with pytest.raises(InputError, match=f"front_left is inside {name}"):
+            Simulation(load_world(world))
+
+
+def test_a_camera_of_the_world_does_not_stand_in_for_the_robots(tmp_path: Path):
+    world = small_world(tmp_path)
+    poses = []
+    for cameras in ("", '<camera name="front_left" pos="1 2 3"/><camera name="eye"/>'):
+        text = world.mjcf.replace("</worldbody>", cameras + "</worldbody>")
+        simulation = Simulation(World("small", 4, text))
+        poses.append(simulation.camera_pose("front_left").matrix())
+        assert simulation.camera_names.count("front_left") == 1
+    np.testing.assert_array_equal(*poses)
+    assert simulation.camera_pose("eye").translation_m == pytest.approx([0, 0, 0])
+
+
+def test_what_was_never_finished_is_named_with_its_remedy(tmp_path: Path):
+    (tmp_path / "recording.mcap.part").write_bytes(b"begun")
+    done = call("localize", tmp_path, "-o", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "was never finished; `pilotage recover` makes it whole" in said(done)
+
+
+def test_no_folder_is_left_where_nothing_was_recorded(tmp_path: Path):
+    for wrong in (["--width", "7"], ["--rate-hz", "1000"]):
+        done = call("simulate", "yard", "-o", tmp_path / "new", "--path", "straight-1m", *wrong)
+        assert done.exit_code == 2
+        assert not (tmp_path / "new").exists()
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    assert call("simulate", "yard", "-o", mine, "--width", "7").exit_code == 2
+    assert mine.is_dir()
 
 
 def test_a_camera_that_enters_a_wall_on_its_way_ends_the_drive(tmp_path: Path):
@@ -177,7 +248,7 @@ def test_a_disk_that_is_full_leaves_nothing_that_looks_whole(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("faults:\n- {name: blurr, onset_s: 0, size: 1}\n", "did you mean 'blur'"),
         ("faults:\n- {name: blur, onset_s: 0, size: 99}\n", "size = 99"),
@@ -185,25 +256,25 @@ def test_a_disk_that_is_full_leaves_nothing_that_looks_whole(tmp_path: Path):
         ("faults:\n- {name: mark_b_covered, onset_s: 0, size: 1}\n", "no geom 'mark_b'"),
     ],
 )
-def test_faults_that_are_none_end_with_2(tmp_path: Path, text: str, said: str):
+def test_faults_that_are_none_end_with_2(tmp_path: Path, text: str, message: str):
     world, file = small_world(tmp_path), tmp_path / "faults.yaml"
     file.write_text(text)
     done = call("simulate", world.path, "-o", tmp_path / "out", "--faults", file, *SMALL)
     assert done.exit_code == 2
-    assert said in done.output
+    assert message in done.output
     assert not list(tmp_path.glob("out/*"))
 
 
 def test_a_camera_of_ones_own_is_read_and_refused(tmp_path: Path):
     world, file = small_world(tmp_path), tmp_path / "camera.yaml"
-    for text, said in (
+    for text, message in (
         ("readout: 0.01\n", "camera.yaml: option 'readout' is unknown; did you mean 'readout_s'"),
         ("blur_px: 99\n", "camera.yaml: blur_px = 99: must be a number from 0 to 10"),
     ):
         file.write_text(text)
         done = call("simulate", world.path, "-o", tmp_path / "out", "--camera", file, *SMALL)
         assert done.exit_code == 2
-        assert said in " ".join(done.output.split())
+        assert message in said(done)
     done = call("simulate", world.path, "-o", tmp_path / "out", "--camera", "cheap", *SMALL)
     assert done.exit_code == 2
     assert "ideal, realistic" in done.output

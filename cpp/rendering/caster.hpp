@@ -299,12 +299,6 @@ PILOTAGE_INLINE void tint(const Eigen::Vector3f& colour, int channels, bool has_
   tints[0] = to_grey[0] * tints[0] + to_grey[1] * tints[1] + to_grey[2] * tints[2];
 }
 
-/// How the hits of rays move on the surface, along its tangent plane: with the pixel's x and y, and
-/// with time over the exposure.
-struct HitMotion {
-  Vectors by_x, by_y, by_time;
-};
-
 inline HitMotion hit_motion(const PixelRays& pixels, const PlacedShape& shape, const Rays& local,
                             const SurfacePoint& at, const Floats& distance) {
   const Floats facing = dot(local.direction, at.normal);
@@ -319,9 +313,10 @@ inline HitMotion hit_motion(const PixelRays& pixels, const PlacedShape& shape, c
     return e - along * local.direction;
   };
   HitMotion motion{};
+  motion.over_time = pixels.moves;
   motion.by_x = distance * on_surface(turned(pixels.per_x));
   motion.by_y = distance * on_surface(turned(pixels.per_y));
-  if (pixels.moves) {
+  if (motion.over_time) {
     const Vectors way = turned(pixels.over_time.origin + distance * pixels.over_time.direction);
     motion.by_time = on_surface(way - splat(pixels.exposed) * way_of(shape, at.point));
   }
@@ -334,7 +329,7 @@ inline Probes probes_of(const PixelRays& pixels, const SurfacePoint& at, const H
   const Footprint footprint{dot(motion.by_x, at.u_axis), dot(motion.by_x, at.v_axis),
                             dot(motion.by_y, at.u_axis), dot(motion.by_y, at.v_axis)};
   const Probes still = still_probes(footprint, lane, finest_m, pixels.most_probes);
-  if (!pixels.moves) return still;
+  if (!motion.over_time) return still;
   const Floats u = dot(motion.by_time, at.u_axis), v = dot(motion.by_time, at.v_axis);
   return moving_probes(still, u[lane], v[lane], finest_m);
 }
@@ -365,8 +360,7 @@ inline void Caster::shade_shape(const PixelRays& pixels, const PlacedShape& shap
   const Floats light = sun_and_sky(lit, mask, shading, dark) + lamp_light(lit, mask, shading, dark);
   Floats tints[3];
   if (shape.texture) {
-    read_texture(shape, local, distance, at, motion.by_x, motion.by_y, mask, pixels.most_probes,
-                 tints);
+    read_texture(shape, local, distance, at, motion, mask, pixels.most_probes, tints);
   }
   tint(material.colour, channels_, shape.texture != nullptr, tints);
   for (int c = 0; c < channels_; ++c) {

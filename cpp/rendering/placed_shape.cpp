@@ -33,7 +33,9 @@ double moved_before_camera_m(const ShapeMotion& motion, const ShutterPoses& pose
   const Transform begin = poses.first.begin.inverse() * motion.begin;
   const Transform end = poses.last.end.inverse() * motion.end;
   const double turned_rad = begin.rotation.angularDistance(end.rotation);
-  return (end.translation - begin.translation).norm() + turned_rad * radius_m;
+  // A plane without end may go aside as well; times its radius no turn would be no number.
+  const double by_turn_m = turned_rad > 0 ? turned_rad * radius_m : 0;
+  return (end.translation - begin.translation).norm() + by_turn_m;
 }
 
 }  // namespace

@@ -15,6 +15,13 @@ struct SurfacePoint {
   Vectors u_axis, v_axis;  ///< how they grow with the point
 };
 
+/// How the hits of rays move on the surface, along its tangent plane and in the shape's axes: with
+/// the pixel's x and y and, where they do so at all, with time over the exposure.
+struct HitMotion {
+  Vectors by_x, by_y, by_time;
+  bool over_time = false;
+};
+
 /// Texture coordinates for a normal along one axis: the other two, and how they grow.
 PILOTAGE_INLINE void lay_flat(const Vectors& point, const Vectors& normal, SurfacePoint& at) {
   const Floats nx = abs(normal.x), ny = abs(normal.y), nz = abs(normal.z);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "rendering/surface_reader.hpp"
 #include "rendering/texture_point.hpp"
 
 namespace pilotage::PILOTAGE_ARCH {
@@ -48,7 +49,7 @@ PILOTAGE_INLINE Floats rough_log2(const Floats& value) {
 /// How the patch that a pixel sees is averaged, for each lane: from copies that are as coarse as
 /// its shorter axis, at several places along its longer one.
 struct TextureFilter {
-  Floats level;
+  Floats texels;  ///< of the finest copy, across what each place is the mean of
   Floats probes;
   Floats step_s, step_t;  ///< from one place to the next
 };
@@ -71,9 +72,7 @@ PILOTAGE_INLINE TextureFilter filter_for(const Texture& texture, const TexturePo
   const Floats wanted = longer / max(shorter, splat(1));
   TextureFilter filter;
   filter.probes = max(splat(1), min(splat(static_cast<float>(most_probes)), floor(wanted + 0.75f)));
-  const Floats across = max(splat(1), max(shorter, longer / filter.probes));
-  const float coarsest = static_cast<float>(texture.levels(0).size()) - 1;
-  filter.level = min(rough_log2(across), splat(coarsest));
+  filter.texels = max(splat(1), max(shorter, longer / filter.probes));
   // Where a neighbouring pixel has no ray nothing is known of the patch.
   const Ints is_long = filter.probes > 1.0f;
   filter.step_s = is_long ? (is_x ? s_x : s_y) / filter.probes : splat(0);
@@ -81,27 +80,46 @@ PILOTAGE_INLINE TextureFilter filter_for(const Texture& texture, const TexturePo
   return filter;
 }
 
-/// What a shape's texture shows to each ray of the mask: red, green and blue, 1 for white. `by_x`,
-/// `by_y`: how the hit moves when the pixel does, in the shape's axes. Not inlined: scenes without
-/// textures keep their registers.
+/// Draws the patches out along their streaks over the exposure, as a surface's layers are.
+inline void draw_out(const Texture& texture, const TexturePoint& at, const Vectors& by_time,
+                     const Ints& mask, TextureFilter& filter) {
+  const Texture::Level& finest = texture.levels(0).front();
+  const float width = static_cast<float>(finest.width), height = static_cast<float>(finest.height);
+  const Floats s = width * dot(by_time, at.s_axis), t = height * dot(by_time, at.t_axis);
+  for (int k = 0; k < count; ++k) {
+    if (!mask[k]) continue;
+    const Probes still{static_cast<int>(filter.probes[k]), width * filter.step_s[k],
+                       height * filter.step_t[k], filter.texels[k]};
+    const Probes moving = moving_probes(still, s[k], t[k], 1);
+    filter.probes[k] = static_cast<float>(moving.count);
+    filter.step_s[k] = moving.step_u / width;
+    filter.step_t[k] = moving.step_v / height;
+    filter.texels[k] = moving.texel_m;
+  }
+}
+
+/// What a shape's texture shows to each ray of the mask: red, green and blue, 1 for white. Not
+/// inlined: scenes without textures keep their registers.
 __attribute__((noinline)) inline void read_texture(const PlacedShape& shape, const Rays& local,
                                                    const Floats& distance, const SurfacePoint& hit,
-                                                   const Vectors& by_x, const Vectors& by_y,
-                                                   const Ints& mask, int most_probes,
-                                                   Floats (&shown)[3]) {
+                                                   const HitMotion& motion, const Ints& mask,
+                                                   int most_probes, Floats (&shown)[3]) {
   const Texture& texture = *shape.texture;
   const TexturePoint at = texture_at(shape, local, distance, hit);
-  const TextureFilter filter = filter_for(texture, at, by_x, by_y, most_probes);
+  TextureFilter filter = filter_for(texture, at, motion.by_x, motion.by_y, most_probes);
+  if (motion.over_time) draw_out(texture, at, motion.by_time, mask, filter);
+  const float coarsest = static_cast<float>(texture.levels(0).size()) - 1;
+  const Floats level = min(rough_log2(filter.texels), splat(coarsest));
   const bool is_cube = texture.is_cube();
   for (Floats& channel : shown) channel = splat(0);
   for (int k = 0; k < count; ++k) {
     if (!mask[k]) continue;
     const std::vector<Texture::Level>& copies = texture.levels(at.face[k]);
-    const int finer = std::min(static_cast<int>(filter.level[k]),
-                               std::max(0, static_cast<int>(copies.size()) - 2));
+    const int finer =
+        std::min(static_cast<int>(level[k]), std::max(0, static_cast<int>(copies.size()) - 2));
     // An edge that is narrower than a pixel is seen beside its place, so the coarser copy comes
     // soon.
-    const float part = std::clamp(2 * (filter.level[k] - static_cast<float>(finer)), 0.0f, 1.0f);
+    const float part = std::clamp(2 * (level[k] - static_cast<float>(finer)), 0.0f, 1.0f);
     const int probes = static_cast<int>(filter.probes[k]);
     Colour sum{};
     for (int probe = 0; probe < probes; ++probe) {

@@ -102,6 +102,44 @@ BOOST_AUTO_TEST_CASE(from_afar_a_texture_has_its_mean) {
   BOOST_CHECK_LT(far, 0.01);
 }
 
+BOOST_AUTO_TEST_CASE(a_texture_that_moves_is_seen_as_the_mean_of_many_still_ones) {
+  Scene scene;
+  light_evenly(scene);
+  const int ground = scene.add_shape({ShapeKind::plane,
+                                      Vector3d::Zero(),
+                                      add_textured(scene, {1, 37, 21, noise(37 * 21, 7)}),
+                                      -1,
+                                      Transform(),
+                                      {4, 3, 1}});
+  const CameraRays rays(Camera{97, 97, 96, 96, 48, 48, Distortion::none, {}});
+  // Some 8 pixels aside, and another way on.
+  const auto eye = [](double time) {
+    return Transform{Eigen::Quaterniond(0, 1, 0, 0), {0.04 * time, -0.02 * time, 0.5}};
+  };
+  const auto ground_under = [&](double time) { return eye(0) * eye(time).inverse(); };
+  const auto look = [&](const ShutterPoses& poses) { return render(scene, rays, poses, 1, {}); };
+  const RowExposure moving{eye(-0.5), eye(0), eye(0.5)};
+  const Radiance camera_moves = look({moving, moving});
+  const Radiance ground_moves =
+      look({eye(0), eye(0), 1, {{ground, ground_under(-0.5), ground_under(0.5)}}});
+  constexpr int count = 32;
+  std::vector<double> mean(camera_moves.values.size());
+  for (int i = 0; i < count; ++i) {
+    const Radiance one = look(eye((i + 0.5) / count - 0.5));
+    for (std::size_t k = 0; k < mean.size(); ++k) mean[k] += one.values[k] / count;
+  }
+  const auto apart = [&](const Radiance& picture) {
+    double squares = 0;
+    for (std::size_t k = 0; k < mean.size(); ++k) {
+      squares += std::pow(picture.values[k] - mean[k], 2);
+    }
+    return std::sqrt(squares / static_cast<double>(mean.size()));
+  };
+  const double still = apart(look(eye(0)));
+  BOOST_CHECK_LT(apart(camera_moves), 0.25 * still);  // as of surfaces
+  BOOST_CHECK_LT(apart(ground_moves), 0.25 * still);
+}
+
 BOOST_AUTO_TEST_CASE(a_mesh_shows_the_place_that_its_vertices_name) {
   const int side = 32;
   std::vector<std::uint16_t> ramp;

@@ -6,7 +6,7 @@ from __future__ import annotations
 import errno
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -129,7 +129,7 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
         simulation = Simulation(loaded, body, seed=seed, faults=acting)
         path = _fitting(loaded, model, path)
         drive = Drive(simulation, path, speed_m_s=model.speed_m_s if speed is None else speed)
-        shots, file = "looks" if plan else "pairs", _prepare(out)
+        shots, file = "looks" if plan else "pairs", out / RECORDING
         view = make_drive_view(
             f"{loaded.name}, {path}", drive.points_in_world, drive.path.length_m, shots
         )
@@ -152,10 +152,14 @@ def simulate(  # noqa: PLR0913, PLR0917, an argument for each option
 
 @contextmanager
 def _kept_when_interrupted(file: Path) -> Iterator[None]:
-    """Say what an interrupt or a full disk left behind; the latter asks for another place."""
+    """Make the folder, which goes again where nothing comes into it.
+
+    Say what an interrupt or a full disk left behind; the latter asks for another place.
+    """
     from pilotage.errors import InputError, RunError
     from pilotage.recordings.mcap_writer import PART_SUFFIX
 
+    is_new = _make_folder(file.parent)
     part = file.with_name(file.name + PART_SUFFIX)
     recover = f"`pilotage recover {part}` makes what was recorded whole"
     try:
@@ -167,6 +171,10 @@ def _kept_when_interrupted(file: Path) -> Iterator[None]:
         if isinstance(cause, OSError) and cause.errno in FULL:
             raise InputError(f"{error}; choose another place with -o, or {recover}") from error
         raise
+    finally:
+        if is_new:
+            with suppress(OSError):  # there is something in it
+                file.parent.rmdir()
 
 
 def _plan(
@@ -250,11 +258,11 @@ def _fitting(world: World, model: RobotModel, path: str | None) -> str:
     return path
 
 
-def _prepare(out: Path) -> Path:
-    """Return the file to write in the folder `out`, which is made."""
+def _make_folder(out: Path) -> bool:
+    """Make the folder `out` and return whether there was none."""
     from pilotage.errors import InputError
 
-    file = out / RECORDING
+    is_new = not out.exists()
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} exists and is no folder; choose another name")
     try:
@@ -263,4 +271,4 @@ def _prepare(out: Path) -> Path:
         raise InputError(
             f"{out}: cannot be made ({error.strerror}); choose another name"
         ) from error
-    return file
+    return is_new

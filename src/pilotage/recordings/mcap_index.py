@@ -88,11 +88,17 @@ def is_mcap(path: Path) -> bool:
 
 
 def mcap_files(path: Path) -> list[Path]:
-    """Return a folder's recording, or all it holds where none has the usual name."""
+    """Return a folder's recording, or all it holds where none has the usual name.
+
+    Of one that was never finished what is there, where nothing else is.
+    """
     if not path.is_dir():
         return []
-    usual = path / FILE_NAME
-    return [usual] if usual.is_file() else sorted(f for f in path.glob("*.mcap") if f.is_file())
+    usual, begun = path / FILE_NAME, path / (FILE_NAME + PART_SUFFIX)
+    if usual.is_file():
+        return [usual]
+    whole = sorted(f for f in path.glob("*.mcap") if f.is_file())
+    return whole or ([begun] if begun.is_file() else [])
 
 
 def read_index(path: Path) -> dict[str, Topic]:

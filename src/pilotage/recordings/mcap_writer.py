@@ -77,8 +77,9 @@ class McapWriter:
         check_mcap_name(self.path)
         for file in (self.path, self.part):
             if file.exists():
-                remedy = " or run `pilotage recover` on it" if file == self.part else ""
-                raise InputError(f"{file} exists; choose another name, remove it{remedy}")
+                others = "remove it or run `pilotage recover` on it"
+                remedy = f", {others}" if file == self.part else " or remove it"
+                raise InputError(f"{file} exists; choose another name{remedy}")
         self._file.open()
         self.is_ours = True
         try:

@@ -23,6 +23,7 @@ EVERY_M = 0.1
 BEYOND_M = 0.35
 FROM_M, TO_M = 0.12, 0.70
 SEARCH_HEIGHT_M = 1.0
+EDGE = "the edge of the ground"  # beyond it there is nothing to drive on
 LENGTHS_M = (50, 40, 30, 25, 20, 15, 12, 10, 8, 6, 5, 4, 3, 2, 1)
 SUGGESTED = ("closed", "open", "straight")
 
@@ -111,7 +112,9 @@ class FreeFloor:
             if _distance_m(point, loop) < self._radius_m + SHOULDER_M:
                 return f"the walking {walk.body}"
         model, data = self._model, self._data
-        ground_m = height_below_m(model, data, np.array([*point, SEARCH_HEIGHT_M])) or 0.0
+        ground_m = height_below_m(model, data, np.array([*point, SEARCH_HEIGHT_M]))
+        if ground_m is None:
+            return EDGE
         data.qpos[model.jnt_qposadr[model.body("probe").jntadr[0]] :][:7] = [
             *point,
             ground_m + (FROM_M + TO_M) / 2,

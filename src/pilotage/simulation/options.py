@@ -57,8 +57,8 @@ def unknown(name: str, known: Collection[str]) -> str:
     if not known:
         return "is unknown; there are none here"
     near = nearest(name, known)
-    meant = f"did you mean {near!r}? " if near else ""
-    return f"is unknown; {meant}Use one of {', '.join(sorted(known))}"
+    meant = f"did you mean {near!r}? Use" if near else "use"
+    return f"is unknown; {meant} one of {', '.join(sorted(known))}"
 
 
 def _check(where: str, value: object, field: dataclasses.Field[Any]) -> object:

@@ -69,9 +69,7 @@ class Simulation:
         self._covers = cover_marks(spec, world, self.faults)
         self.model: Any = _compile(spec, world, self.body)
         self.data: Any = mujoco.MjData(self.model)
-        self._camera_names = [
-            self.model.camera(i).name.removeprefix(PREFIX) for i in range(self.model.ncam)
-        ]
+        self._cameras = _cameras(self.model)
         check_faults(self.faults, body_faults=self.body.faults, cameras=self.camera_names)
         self._mocap = [self._mocap_of(walk) for walk in self._walks]
         mounts = {int(body) for body in self.model.cam_bodyid}
@@ -94,7 +92,7 @@ class Simulation:
     @property
     def camera_names(self) -> list[str]:
         """Return the cameras, those of the robot without its prefix."""
-        return list(self._camera_names)
+        return list(self._cameras)
 
     def advance(self, until_ns: int) -> None:
         """Step until the clock stands at `until_ns` or up to one step (2 ms) after it.
@@ -129,9 +127,9 @@ class Simulation:
 
     def camera_poses(self, name: str, times_ns: Sequence[int]) -> list[Transform]:
         """Return `camera_pose` at several times, as a rolling shutter or a long exposure needs."""
-        if name not in self._camera_names:
-            raise InputError(f"camera {name!r} {unknown(name, self._camera_names)}")
-        camera = self._camera_names.index(name)
+        if name not in self._cameras:
+            raise InputError(f"camera {name!r} {unknown(name, self._cameras)}")
+        camera = self._cameras[name]
         mount = int(self.model.cam_bodyid[camera])
         body_from_mujoco = Transform(
             translation_m=self.model.cam_pos[camera], quaternion_wxyz=self.model.cam_quat[camera]
@@ -170,7 +168,7 @@ class Simulation:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
         self.solids = Solids(self.model, self.data)
-        for camera, name in enumerate(self.camera_names):
+        for name, camera in self._cameras.items():
             if self.model.camera(camera).name.startswith(PREFIX):
                 self.check_free(name, self.data.cam_xpos[camera], 0)
 
@@ -235,6 +233,14 @@ class Simulation:
 def moves(model: Any, body: int) -> bool:
     """Tell whether a body of MuJoCo's model ever moves, by the physics or by the clock."""
     return bool(model.body_weldid[body] != 0 or model.body_mocapid[body] >= 0)
+
+
+def _cameras(model: Any) -> dict[str, int]:
+    """Return the number of each camera by name; the robot's come before a world's namesakes."""
+    numbers = {model.camera(i).name: i for i in range(model.ncam)}
+    robots = {name for name in numbers if name.startswith(PREFIX)}
+    others = {name: number for name, number in numbers.items() if name not in robots}
+    return others | {n.removeprefix(PREFIX): i for n, i in numbers.items() if n in robots}
 
 
 def _compile(spec: Any, world: World, body: Body) -> Any:

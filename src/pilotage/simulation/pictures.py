@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from pilotage import Camera, Transform, _core
 from pilotage.errors import InputError
-from pilotage.simulation.options import unknown
+from pilotage.simulation.options import ranged, read_options, unknown
 from pilotage.simulation.physics import Simulation, moves
 from pilotage.simulation.scene import SURFACE_PREFIX
 from pilotage.simulation.surfaces import SURFACES, SurfacePainter
@@ -33,6 +34,14 @@ KINDS = {
     mujoco.mjtGeom.mjGEOM_BOX: _core.ShapeKind.box,
     mujoco.mjtGeom.mjGEOM_MESH: _core.ShapeKind.mesh,
 }
+
+
+@dataclass(frozen=True)
+class Grain:
+    """What the note of a surface may say beside its kind."""
+
+    seed: int = ranged(0, 0, 2**32 - 1)
+    scale: float = ranged(1.0, 0.01, 100.0)
 
 
 class Pictures:
@@ -198,13 +207,18 @@ def _surface_notes(model: Any) -> dict[str, tuple[str, int, float]]:
             continue
         first = model.text_adr[i]
         data = bytes(model.text_data[first : first + model.text_size[i]]).rstrip(b"\0").decode()
-        kind, *settings = data.split()
-        if kind not in SURFACES:
-            raise InputError(f"{name}: surface {kind!r} {unknown(kind, SURFACES)}")
-        values = dict(setting.split("=", 1) for setting in settings)
-        notes[name.removeprefix(SURFACE_PREFIX)] = (
-            kind,
-            int(values.get("seed", 0)),
-            float(values.get("scale", 1)),
-        )
+        material = name.removeprefix(SURFACE_PREFIX)
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, material) < 0:
+            raise InputError(f"text {name!r} names no material; write surface:MATERIAL")
+        notes[material] = _read_surface(name, data)
     return notes
+
+
+def _read_surface(name: str, text: str) -> tuple[str, int, float]:
+    """Return kind, seed and scale of a note; InputError says how one is written."""
+    kind, *settings = text.split() or [""]
+    if kind not in SURFACES:
+        raise InputError(f"{name}: surface {kind!r} {unknown(kind, SURFACES)}")
+    pairs = [setting.partition("=") for setting in settings]
+    values = read_options(Grain, {key: value for key, _, value in pairs}, name)
+    return kind, values.seed, values.scale

@@ -42,11 +42,15 @@ class Solids:
         return None
 
     def _name(self, geom: int) -> str:
-        name = self._model.geom(geom).name
-        material = int(self._model.geom_matid[geom])
-        if not name and material >= 0:
-            return f"a geom of material {self._model.material(material).name!r}"
-        return repr(name) if name else f"geom {geom}"
+        model = self._model
+        body, material = int(model.geom_bodyid[geom]), int(model.geom_matid[geom])
+        if name := model.geom(geom).name:
+            return repr(name)
+        if body > 0 and model.body(body).name:
+            return f"a geom of body {model.body(body).name!r}"
+        if material >= 0:
+            return f"a geom of material {model.material(material).name!r}"
+        return f"geom {geom}"
 
 
 def _is_fixed(model: Any, geom: int) -> bool:
