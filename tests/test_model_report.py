@@ -26,8 +26,9 @@ from pilotage.cli.drawing import draw_report as draw_alone
 from pilotage.cli.main import app
 from pilotage.errors import InputError
 from pilotage.evaluation.level import level_from_world, limits_of
-from pilotage.evaluation.model_report import draw_report, missing_lines
+from pilotage.evaluation.model_report import draw_report
 from pilotage.evaluation.track_pictures import spread
+from pilotage.evaluation.verdict import missing_lines
 from pilotage.models import Model, write_colmap_binary
 from pilotage.results import COLMAP_BINARY, write_json
 
@@ -88,6 +89,14 @@ def test_report_names_what_is_missing_and_why(tmp_path: Path) -> None:
     assert "verdict bad" in page
     many = missing_lines({f"{i}.jpg": "is dark" for i in range(20)})
     assert many == [", ".join(f"{i}.jpg" for i in range(12)) + " and 8 more: is dark"]
+
+
+def test_report_says_why_a_model_is_not_to_be_believed(tmp_path: Path) -> None:
+    model = a_model()
+    source = write_pictures(tmp_path / "pictures", model.names)
+    verdict_ = "unsure: the focal length comes out +40 % off the nominal one"
+    page = write_folder(tmp_path / "out", model, summary_of(model, source, verdict=verdict_))
+    assert "Unsure: the focal length comes out +40 % off the nominal one." in page
 
 
 def test_report_is_drawn_without_pictures_points_or_poses(tmp_path: Path) -> None:

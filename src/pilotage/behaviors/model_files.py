@@ -63,6 +63,7 @@ def model_summary(  # noqa: PLR0913, all that is told of a model
     names: Sequence[str],
     model: Model,
     result: Reconstruction,
+    fates: Sequence[PictureFate],
     unit: str,
     ordered: bool,
 ) -> dict[str, Any]:
@@ -73,7 +74,7 @@ def model_summary(  # noqa: PLR0913, all that is told of a model
         "pictures": len(names), "posed": len(model.names),
         "without_pose": {
             name: FATE_WORDS[fate]
-            for name, fate in zip(names, result.fates, strict=True)
+            for name, fate in zip(names, fates, strict=True)
             if fate is not PictureFate.posed
         },
         "points": len(model.points_in_world), "observations": len(model.picture),

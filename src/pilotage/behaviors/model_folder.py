@@ -71,6 +71,7 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     first = read_first(files[0])
     camera = camera_of(first, pictures, calibration, fov_deg)
     config = with_refinement(config, fov_deg, refine_fov=refine_fov)
+    _check_count(pictures, len(files), config)
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
     greys = read_greys(files, camera, first=first)
@@ -89,6 +90,15 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     if errors:
         raise errors[0]
     return summary
+
+
+def _check_count(pictures: Path, count: int, config: ReconstructionConfig) -> None:
+    least = config.to_dict()["min_track_length"]
+    if 1 < count < least:
+        raise InputError(
+            f"{pictures}: {count} pictures, and what fewer than {least} show does not count"
+            f" (min_track_length); give more, or --set min_track_length={count}"
+        )
 
 
 def read_first(file: Path) -> Grey:
@@ -174,7 +184,7 @@ def _focal_summary(found: Reconstructed) -> dict[str, Any]:
 def _summary(pictures: Path, found: Reconstructed, *, ordered: bool) -> dict[str, Any]:
     told = model_summary(
         source=pictures, verdict=verdict(found), names=found.names, model=found.model,
-        result=found.result, unit="unknown", ordered=ordered,
+        result=found.result, fates=found.fates, unit="unknown", ordered=ordered,
     )  # fmt: skip
     return told | _focal_summary(found)
 
@@ -188,7 +198,7 @@ def verdict(found: Reconstructed) -> str:
     if found.model.names:
         return f"partial: {len(found.model.names)} of {len(found.names)} pictures"
     if len(found.names) < 2:
-        return "one picture says nothing of distance: give two or more"
+        return "one picture says nothing of distance: give three or more"
     fates = [fate for fate in found.fates if fate is not PictureFate.posed]
     commonest = max(set(fates), key=lambda fate: (fates.count(fate), fate.value))
     return FATE_WORDS[commonest]

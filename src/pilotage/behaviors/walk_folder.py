@@ -78,7 +78,8 @@ def _summary(recording: Path, placed: PlacedWalk) -> dict[str, Any]:
     walk, stops = placed.walk, placed.stops
     told = model_summary(
         source=recording, verdict="; ".join(what_became(stops)) or "whole", names=walk.names,
-        model=placed.model, result=placed.result.model, unit="m", ordered=True,
+        model=placed.model, result=placed.result.model, fates=placed.result.model.fates, unit="m",
+        ordered=True,
     )  # fmt: skip
     return told | {
         "moving_pictures": walk.moving, "unreadable": list(walk.bad),
