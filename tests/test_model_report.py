@@ -69,6 +69,8 @@ def test_report_shows_the_model_and_its_pictures(tmp_path: Path) -> None:
     assert page.count("<figcaption") == 5
     dots = sum(len(re.findall(r"h0", path)) for path in re.findall(r"<path d='(M[^']*h0)'", page))
     assert dots == 2 * len(model.picture)  # each on its rim
+    assert re.search(r"<path d='M[\d.]+ [\d.]+L[\d.]+ [\d.]+", page)
+    assert re.search(r"0\.jpg: \d+ points, lines to [23]\.jpg", page)  # of the same camera
     assert "Pictures without a pose" not in page
     # Nothing is fetched: what is linked lies in the page itself.
     links = re.findall(r"(?:href|src)=['\"]([^'\"]*)", page)
@@ -173,9 +175,12 @@ def test_limits_hold_all_cameras_and_leave_out_what_is_far() -> None:
 
 
 def test_pictures_are_spread_over_the_walk() -> None:
-    assert spread(list(range(39))) == [0, 8, 15, 23, 30, 38]
-    assert spread([3, 5]) == [3, 5]
-    assert spread([]) == []
+    counts = np.ones(39)
+    assert spread(list(range(39)), counts) == [0, 7, 14, 21, 27, 33]
+    counts[[3, 20, 38]] = 9  # of each stretch the picture that shows most
+    assert spread(list(range(39)), counts) == [3, 7, 20, 21, 27, 38]
+    assert spread([3, 5], counts) == [3, 5]
+    assert spread([], counts) == []
 
 
 def test_times_are_those_of_names_or_places() -> None:

@@ -25,7 +25,7 @@ from pilotage.behaviors.reconstruct import (
     shape_fault,
     solve,
 )
-from pilotage.behaviors.square_marks import MarkSize, find_marks
+from pilotage.behaviors.square_marks import MarkSize, find_marks, no_mark
 from pilotage.calibration.one_camera import camera_of_view, load_camera
 from pilotage.calibration.own import camera_values
 from pilotage.errors import InputError
@@ -163,10 +163,7 @@ def _length(found: Reconstructed, greys: Sequence[Grey], marks: MarkSize) -> Len
 def _length_facts(length: LengthEstimate | None, marks: MarkSize) -> dict[str, Any]:
     if length is not None:
         return {"unit": "m", "lengths": length_summary([length], length.factor, length.sigma)}
-    return {
-        "length_fault": f"no mark of the family {marks.family} is seen whole and sharp in two"
-        " placed pictures from places well apart: lengths are in the model's own unit"
-    }
+    return {"length_fault": f"{no_mark(marks)}: lengths are in the model's own unit"}
 
 
 def _focal_summary(found: Reconstructed) -> dict[str, Any]:

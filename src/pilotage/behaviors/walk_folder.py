@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pilotage import StopFate
+from pilotage import LengthSource, StopFate
 from pilotage.atomic_files import write_atomically, write_each
 from pilotage.behaviors.model_files import MODEL_FILES, length_summary, model_summary, model_writes
-from pilotage.behaviors.square_marks import MarkSize
+from pilotage.behaviors.square_marks import MarkSize, no_mark
 from pilotage.behaviors.walk import PlacedWalk, place_walk, walk_config, what_became
 from pilotage.behaviors.walk_account import RecordedWalk, read_walk
 from pilotage.config import load_reconstruction_config
@@ -68,6 +68,10 @@ def reconstruct_recording(  # noqa: PLR0913, all by name
     placed = place_walk(walk, chosen, marks)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(recording, placed) | cost
+    if marks is not None and not any(
+        one.source is LengthSource.marks for one in placed.result.lengths
+    ):
+        summary["length_fault"] = f"{no_mark(marks)}: lengths are by joints, steps and floor alone"
     errors = write_each(_writes(out, placed, chosen, summary))
     if errors:
         raise errors[0]
