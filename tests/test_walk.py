@@ -129,7 +129,10 @@ def test_the_folder_is_whole(placed: Path, walk: RecordedWalk):
     shown = cv2.imread(str(placed / "pictures" / walk.names[-1]), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(shown, walk.pictures[-1].picture)
     assert len(read_ply(placed / "points.ply")[0]) == summary["points"]
-    assert len((placed / "trajectory_tum.txt").read_text().splitlines()) == summary["posed"]
+    cameras = [np.loadtxt(placed / f"trajectory_{name}_tum.txt") for name in ("top", "bottom")]
+    assert sum(map(len, cameras)) == summary["posed"]
+    assert all((np.diff(camera[:, 0]) > 0).all() for camera in cameras)
+    assert not (placed / "trajectory_tum.txt").exists()
     torso = np.loadtxt(placed / "trajectory_torso_tum.txt")
     assert len(torso) == STOPS
     assert TORSO_M[0] < torso[:, 3].min()

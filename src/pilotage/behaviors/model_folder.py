@@ -142,7 +142,8 @@ def with_refinement(
     wanted = refine_fov or is_set
     if wanted and fov_deg is None:
         raise InputError(
-            "--refine-fov and focal_sigma > 0 improve on a nominal field of view: give --fov-deg"
+            "--refine-fov and focal_sigma > 0 improve on a nominal field of view: give --fov-deg,"
+            " or --set focal_sigma=0 where the camera is known"
         )
     if not refine_fov or is_set:
         return config

@@ -39,7 +39,15 @@ from pilotage.stop_files import stops_text
 if TYPE_CHECKING:
     from pilotage import ReconstructionConfig, Transform
 
-WALK_FILES = (*MODEL_FILES, STOPS, TUM_TORSO, f"{WALK_PICTURES}/stop*.png", f"{WALK_PICTURES}/")
+TUM_OF_CAMERAS = "trajectory_*_tum.txt"
+WALK_FILES = (
+    *MODEL_FILES,
+    STOPS,
+    TUM_TORSO,
+    TUM_OF_CAMERAS,
+    f"{WALK_PICTURES}/stop*.png",
+    f"{WALK_PICTURES}/",
+)
 # Truth is told often while a robot stands.
 TRUTH_WITHIN_NS = 100_000_000
 
@@ -149,7 +157,7 @@ def _writes(
     walk, model = placed.walk, placed.model
     times_ns = [first.timestamp_ns for first in walk.firsts]
     of_name = {n: p.timestamp_ns for n, p in zip(walk.names, walk.pictures, strict=True)}
-    writes = model_writes(out, model, of_name, config)
+    writes = model_writes(out, model, of_name, config, walk.camera_names)
     writes += [
         functools.partial(write_atomically, out / STOPS, stops_text(placed.stops, times_ns)),
         functools.partial(write_pictures, out / WALK_PICTURES, walk),
