@@ -33,8 +33,9 @@ MOST_BINS = 12
 # Of a walk, whose cameras stand in clusters: their lines, and the most stops that have a number.
 LINE, WALK_LINE = 0.8, 0.45
 MOST_NUMBERS = 40
-# Stops nearer to each other than this share of the figure have their numbers on two sides.
+# Stops nearer to each other than this share of the figure have their numbers on different sides.
 NEAR_STOPS = 0.03
+SIDES = ((0, 7), (0, -8), (11, 0), (-11, 0))  # points, from a stop to its number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,17 +160,16 @@ def _draw_stops(axes: Axes, places: Array, stops: StopPath, *, is_numbered: bool
 
 
 def _number_stops(axes: Axes, places: Array, numbers: tuple[int, ...]) -> None:
-    """Write the numbers of (S, 2) places above them, below where one is above already."""
+    """Write the numbers of (S, 2) places above them, or on the first side that is free."""
     from matplotlib.patheffects import withStroke
 
     chosen = range(0, len(places), -(-len(places) // MOST_NUMBERS))
     near = NEAR_STOPS * max(abs(high - low) for low, high in (axes.get_xlim(), axes.get_ylim()))
-    above: list[int] = []
+    side_of: dict[int, tuple[int, int]] = {}
     for at in chosen:
-        is_taken = any(np.linalg.norm(places[at] - places[other]) < near for other in above)
-        if not is_taken:
-            above.append(at)
-        axes.annotate(str(numbers[at]), places[at], (0, -8 if is_taken else 7),
+        taken = [s for i, s in side_of.items() if np.linalg.norm(places[at] - places[i]) < near]
+        side_of[at] = next((side for side in SIDES if side not in taken), SIDES[0])
+        axes.annotate(str(numbers[at]), places[at], side_of[at],
                       textcoords="offset points", ha="center", va="center", fontsize=8,
                       fontweight="bold", color=BLACK, zorder=6,
                       path_effects=[withStroke(linewidth=2.5, foreground="white")])  # fmt: skip
