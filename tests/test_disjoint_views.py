@@ -68,5 +68,12 @@ def test_pictures_that_look_elsewhere_may_share_nothing():
     assert disjoint_views(a_row(seen, turned=(5, 6, 7))) == []
 
 
+def test_a_blurred_picture_shows_little_of_all_but_contradicts_nothing():
+    seen = shown(0.8)
+    seen[3] = shown(0.04)[3]
+    assert 20 < seen[3].sum() < 50
+    assert disjoint_views(a_row(seen)) == []
+
+
 def test_pictures_without_points_say_nothing():
     assert disjoint_views(a_row(np.zeros((PICTURES, POINTS), bool))) == []

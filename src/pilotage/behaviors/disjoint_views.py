@@ -63,7 +63,9 @@ def _neighbours(model: Model) -> list[tuple[int, int, int, int]]:
         for a in np.argsort(away, kind="stable")[:NEAREST].tolist():
             if math.isfinite(away[a]):
                 due = shown[a][_is_due(model, poses, shown[a], a, b)]
-                pairs.append((a, b, len(due), int(np.isin(due, shown[b]).sum())))
+                # A blurred picture shows few points at all, and no more can be due.
+                most = min(len(due), len(shown[b]))
+                pairs.append((a, b, most, int(np.isin(due, shown[b]).sum())))
     return pairs
 
 
