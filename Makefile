@@ -49,7 +49,7 @@ $(VENV)/built: $(VENV)/packages $(COMPILED)
 test: setup ## Run every test: C++, then Python
 	$(BIN)/cmake --build $(BUILD) --target cpp_tests
 	$(BIN)/ctest --test-dir $(BUILD) --output-on-failure --no-tests=error
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 demo: setup ## Drive a simulated rover 10 m round a yard and find its way from its cameras
 	rm -rf "$(DEMO)"

@@ -19,7 +19,7 @@ from typing import Any
 
 from run_system import memory_mb
 
-from pilotage import Camera
+from pilotage import Camera, ReconstructionConfig
 from pilotage.models import Model, read_colmap_binary, write_colmap_binary
 
 MISSING = 3  # exit code of a system that is not there
@@ -33,6 +33,7 @@ class Options:
     is_ordered: bool  # neighbours in the list were taken one after the other
     matches_all: bool  # every picture is compared with every other
     threads: int
+    lens_sigma: float = 0  # above 0 the calibration may be improved: by COLMAP freely
     seed: int = 0
 
 
@@ -49,7 +50,8 @@ System = Callable[[Sequence[Path], Camera, Options, Path], Found]
 
 def run_ours(pictures: Sequence[Path], camera: Camera, options: Options, _: Path) -> Found:
     """Return what Pilotage makes of the pictures."""
-    said = _ours()(pictures, camera=camera, ordered=options.is_ordered)
+    config = ReconstructionConfig.from_dict({"lens_sigma": options.lens_sigma})
+    said = _ours()(pictures, camera=camera, ordered=options.is_ordered, config=config)
     if isinstance(said, Model):
         return lambda: (said, "")
     return lambda: (said.model, str(getattr(said, "reason", "")))
@@ -69,11 +71,12 @@ def run_colmap(pictures: Sequence[Path], camera: Camera, options: Options, scrat
     database, folder = _matched(pictures, camera, options, scratch)
     pipeline = pycolmap.IncrementalPipelineOptions()
     pipeline.num_threads, pipeline.random_seed = options.threads, options.seed
-    pipeline.ba_refine_focal_length = False
+    is_refined = options.lens_sigma > 0
+    pipeline.ba_refine_focal_length = is_refined
     pipeline.ba_refine_principal_point = False
-    pipeline.ba_refine_extra_params = False
-    pipeline.mapper.abs_pose_refine_focal_length = False
-    pipeline.mapper.abs_pose_refine_extra_params = False
+    pipeline.ba_refine_extra_params = is_refined
+    pipeline.mapper.abs_pose_refine_focal_length = is_refined
+    pipeline.mapper.abs_pose_refine_extra_params = is_refined
     models = pycolmap.incremental_mapping(database, folder, scratch, pipeline)
     return lambda: _largest(models, scratch)
 
@@ -87,9 +90,9 @@ def run_colmap_global(
     pipeline = pycolmap.GlobalPipelineOptions()
     pipeline.num_threads, pipeline.random_seed = options.threads, options.seed
     adjustment = pipeline.mapper.bundle_adjustment
-    adjustment.refine_focal_length = False
+    adjustment.refine_focal_length = options.lens_sigma > 0
     adjustment.refine_principal_point = False
-    adjustment.refine_extra_params = False
+    adjustment.refine_extra_params = options.lens_sigma > 0
     models = pycolmap.global_mapping(database, folder, scratch, pipeline)
     return lambda: _largest(models, scratch)
 
@@ -111,7 +114,7 @@ def _matched(
     pycolmap.set_random_seed(options.seed)
     database, folder = scratch / "database.db", pictures[0].parent
     reader, extraction = pycolmap.ImageReaderOptions(), pycolmap.FeatureExtractionOptions()
-    reader.camera_model, parameters = _colmap_camera(camera)
+    reader.camera_model, parameters = _colmap_camera(camera, is_refined=options.lens_sigma > 0)
     reader.camera_params = ",".join(repr(value) for value in parameters)
     extraction.num_threads = options.threads
     pycolmap.extract_features(
@@ -133,7 +136,9 @@ def _matched(
     return database, folder
 
 
-def _colmap_camera(camera: Camera) -> tuple[str, tuple[float, ...]]:
+def _colmap_camera(camera: Camera, *, is_refined: bool) -> tuple[str, tuple[float, ...]]:
+    if is_refined and camera.distortion == "none" and camera.fx_px == camera.fy_px:
+        return "SIMPLE_RADIAL", (camera.fx_px, camera.cx_px, camera.cy_px, 0.0)
     from pilotage.models.colmap_tables import camera_row
 
     row = camera_row(1, camera)

@@ -91,6 +91,8 @@ void bind_result(nb::module_& m) {
       .def_ro("rms_px", &Reconstruction::rms_px, "Of the residuals in x and y.")
       .def_ro("focal_px", &Reconstruction::focal_px,
               "Of the first camera; a better one than given if config.focal_sigma > 0.")
+      .def_ro("radial", &Reconstruction::radial,
+              "First coefficient of Brown's distortion that was left, if config.lens_sigma > 0.")
       .def_ro("focal_sigma_px", &Reconstruction::focal_sigma_px,
               "Its standard error, 0 if it was not looked for.")
       .def_ro("feature_count", &Reconstruction::feature_count)

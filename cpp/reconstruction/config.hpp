@@ -20,6 +20,7 @@ struct ReconstructionConfig {
   double max_ratio = 0.8;
   double feature_sigma_px = 0.5;
   double focal_sigma = 0;
+  double lens_sigma = 0;
   int min_pair_inliers = 20;
   int motions = 1;
   int min_track_length = 3;
@@ -53,6 +54,9 @@ struct ReconstructionConfig {
     visitor("focal_sigma", config.focal_sigma, 0.0, 0.5,
             "relative standard error of the focal length given; 0: it is right, more: a better one"
             " is looked for");
+    visitor("lens_sigma", config.lens_sigma, 0.0, 0.05,
+            "standard error of a calibration: part by which pixels are too far from the centre; 0:"
+            " it is right, more: a better focal length and radial distortion are looked for");
     visitor("min_pair_inliers", config.min_pair_inliers, 8, 1000,
             "matches that must agree on the geometry of two pictures");
     visitor("motions", config.motions, 1, 4,

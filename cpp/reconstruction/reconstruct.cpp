@@ -8,6 +8,7 @@
 
 #include "reconstruction/content_order.hpp"
 #include "reconstruction/growth.hpp"
+#include "reconstruction/lens.hpp"
 #include "reconstruction/observe.hpp"
 #include "reconstruction/own_focal.hpp"
 #include "reconstruction/refinement.hpp"
@@ -122,6 +123,14 @@ std::optional<FocalPrior> focal_prior(std::span<const Camera> cameras,
   return FocalPrior{cameras[0].fx_px, config.focal_sigma * cameras[0].fx_px};
 }
 
+/// Only of one camera without a lens the better one can be told.
+void check_lens(std::span<const Camera> cameras, const ReconstructionConfig& config) {
+  if (config.lens_sigma > 0 && (cameras.size() != 1 || cameras[0].distortion != Distortion::none)) {
+    throw std::invalid_argument(
+        "lens_sigma > 0 needs one camera without distortion: rectify the pictures");
+  }
+}
+
 /// Gives the one camera of a scene with a focal prior the focal length found; returns the change,
 /// as a part of it.
 double believe_focal(std::vector<Camera>& cameras, const Scene& scene) {
@@ -147,6 +156,7 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
                            std::span<const int> camera_of_picture, bool is_ordered,
                            const ReconstructionConfig& config) {
   const std::optional<FocalPrior> known = focal_prior(cameras, config);
+  check_lens(cameras, config);
   std::vector<Camera> believed(cameras.begin(), cameras.end());
   const PictureSet set{pictures, believed, camera_of_picture};
   set.check();
@@ -169,6 +179,8 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
       if (change > settled_focal && pass < max_passes) continue;
       refine_features(model, set, by_content, team);
       adjust_all(model, config, final_rounds);
+      // 7. What the calibration got wrong.
+      if (config.lens_sigma > 0) refine_lens(model, config);
     }
     set_world(model, by_content);
     return report(model, described, pairs, by_content, pictures, {grown.strange, grown.is_bent});

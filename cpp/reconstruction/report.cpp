@@ -80,6 +80,8 @@ Reconstruction report(const Scene& scene, std::span<const DescribedPicture> desc
   }
   result.focal_px = scene.ideal_camera().focal_px;
   result.focal_sigma_px = scene.focal_sigma_px();
+  const double grown = scene.ideal_camera().focal_px / scene.given_focal_px();
+  result.radial = scene.radial() * grown * grown;
   result.pair_count = static_cast<int>(pairs.size());
   result.track_count = scene.track_count();
   report_points(scene, order, pictures, result);

@@ -18,6 +18,8 @@ constexpr double rad_of_deg = std::numbers::pi / 180;
 /// A place whose rays meet at a smaller angle, times the wanted one, is dropped: less than when it
 /// was made, or it would come and go.
 constexpr double kept_angle = 0.5;
+/// Newton's, for the small distortions that calibrations leave.
+constexpr int undistortion_steps = 4;
 
 RectifiedStereo ideal_of(double focal_px) {
   RectifiedStereo ideal;
@@ -32,6 +34,7 @@ Scene::Scene(std::vector<SeenFeatures> pictures, std::vector<Track> tracks, doub
              const ReconstructionConfig& config)
     : config_(config),
       ideal_(ideal_of(focal_px)),
+      given_focal_px_(focal_px),
       pictures_(std::move(pictures)),
       tracks_(std::move(tracks)),
       points_(tracks_.size()),
@@ -136,6 +139,21 @@ void Scene::forget_point(int t) {
   }
   points_[t].in_world.reset();
   std::fill(points_[t].is_used.begin(), points_[t].is_used.end(), 0);
+}
+
+void Scene::set_radial(double radial) {
+  for (SeenFeatures& seen : pictures_) {
+    for (Eigen::Vector2f& px : seen.ideal_px) {
+      const double ideal = px.cast<double>().norm() / given_focal_px_;
+      const double given = ideal * (1 + radial_ * ideal * ideal);
+      double r = given;
+      for (int i = 0; i < undistortion_steps; ++i) {
+        r -= (r * (1 + radial * r * r) - given) / (1 + 3 * radial * r * r);
+      }
+      if (ideal > 0) px *= static_cast<float>(r / ideal);
+    }
+  }
+  radial_ = radial;
 }
 
 void Scene::move(const FeatureRef& f, const Eigen::Vector2f& px, const Eigen::Vector3d& ray,

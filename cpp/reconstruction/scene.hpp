@@ -64,6 +64,10 @@ class Scene {
   /// What was known of the ideal camera's focal length; empty when nobody asks for a better one.
   const std::optional<FocalPrior>& focal_prior() const { return focal_prior_; }
   double focal_sigma_px() const { return focal_sigma_px_; }  ///< 0 until it is adjusted
+  double given_focal_px() const { return given_focal_px_; }
+  /// Distortion that pixels given had left: given = (1 + radial r^2) ideal, r the ideal pixel's
+  /// distance from the centre over the focal length given. They are ideal without it.
+  double radial() const { return radial_; }
   int posed_count() const;
   std::vector<int> posed_pictures() const;
 
@@ -71,6 +75,8 @@ class Scene {
   void set_point(int t, const Eigen::Vector3d& in_world);
   void set_used(int t, int slot, bool is_used) { points_[t].is_used[slot] = is_used; }
   void forget_point(int t);
+  /// Pixels given stay where they are, ideal ones move.
+  void set_radial(double radial);
   void set_focal_prior(const std::optional<FocalPrior>& known) { focal_prior_ = known; }
   /// Pixels stay where they are: their rays open or close.
   void set_focal(double focal_px, double sigma_px) {
@@ -121,6 +127,7 @@ class Scene {
   ReconstructionConfig config_;
   double min_baseline_ = 0;
   RectifiedStereo ideal_;
+  double given_focal_px_ = 0, radial_ = 0;
   std::optional<FocalPrior> focal_prior_;
   double focal_sigma_px_ = 0;
   std::vector<SeenFeatures> pictures_;

@@ -1562,6 +1562,12 @@ class ReconstructionConfig:
         """
 
     @property
+    def lens_sigma(self) -> object:
+        """
+        standard error of a calibration: part by which pixels are too far from the centre; 0: it is right, more: a better focal length and radial distortion are looked for
+        """
+
+    @property
     def min_pair_inliers(self) -> object:
         """matches that must agree on the geometry of two pictures"""
 
@@ -1679,6 +1685,12 @@ class Reconstruction:
     def focal_px(self) -> float:
         """
         Of the first camera; a better one than given if config.focal_sigma > 0.
+        """
+
+    @property
+    def radial(self) -> float:
+        """
+        First coefficient of Brown's distortion that was left, if config.lens_sigma > 0.
         """
 
     @property

@@ -72,7 +72,7 @@ class Reconstructed:
 
     @property
     def camera(self) -> Camera:
-        """The camera, with the focal length found where a better one was asked for."""
+        """The camera, with the focal length and distortion found where they were looked for."""
         return self.model.cameras[0]
 
 
@@ -98,7 +98,7 @@ def shape_fault(found: Reconstructed) -> str | None:
 def focal_fault(found: Reconstructed) -> str | None:
     """Return why the focal length found is not to be believed; None where it is, or was given."""
     result = found.result
-    if result.focal_sigma_px == 0 or not found.model.names:
+    if found.focal_sigma == 0 or not found.model.names:
         return None
     sigma, off = result.focal_sigma_px / result.focal_px, result.focal_px / found.given_focal_px - 1
     if sigma > USABLE_FOCAL_SIGMA:
@@ -146,7 +146,7 @@ def solve(
         config=config or ReconstructionConfig(),
     )
     return Reconstructed(
-        model=model_of(names, [_with_focal(camera, result)], [0] * len(names), result),
+        model=model_of(names, [_as_found(camera, result)], [0] * len(names), result),
         names=tuple(names),
         fates=tuple(map(_cause, result.fates, greys)),
         result=result,
@@ -161,18 +161,22 @@ def _cause(fate: PictureFate, grey: Grey) -> PictureFate:
     return PictureFate.few_features if is_alone and not has_detail(grey) else fate
 
 
-def _with_focal(camera: Camera, result: Reconstruction) -> Camera:
+def _as_found(camera: Camera, result: Reconstruction) -> Camera:
+    """Return the camera with the focal length and distortion found, where they were looked for."""
     if result.focal_sigma_px == 0:
         return camera
     from pilotage import Camera
 
+    is_bent = result.radial != 0
     return Camera(
         width_px=camera.width_px,
         height_px=camera.height_px,
         fx_px=result.focal_px,
-        fy_px=result.focal_px,
+        fy_px=camera.fy_px / camera.fx_px * result.focal_px,
         cx_px=camera.cx_px,
         cy_px=camera.cy_px,
+        distortion="brown" if is_bent else "none",
+        coefficients=[result.radial, 0.0, 0.0, 0.0] if is_bent else [],
     )
 
 
