@@ -3,19 +3,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
+import yaml
+from program import call, said, summary_of
 from rendering import room
 from test_other_cameras import CENTRE, FOCAL, HEIGHT, WIDTH, photograph
 from test_reconstruct import pose
 
 from pilotage import Camera, ReconstructionConfig
 from pilotage.behaviors.reconstruct import focal_fault, solve
+from pilotage.calibration.one_camera import load_camera
+from pilotage.calibration.own import camera_values
 from pilotage.evaluation.camera_poses import pose_errors
 
 RADIAL = 0.02  # of the camera, which its calibration does not know
-CONFIG = ReconstructionConfig.from_dict({"lens_sigma": 0.01})
+HELD = ReconstructionConfig.from_dict({"lens_sigma": 0})
 
 
 def calibrated(**changes: object) -> Camera:
@@ -51,8 +57,8 @@ def pictures(truth) -> list[np.ndarray]:
 
 def test_a_distortion_that_was_left_is_found_and_poses_get_better(pictures, truth):
     names = [str(i) for i in range(len(pictures))]
-    found = solve(pictures, names, camera=calibrated(), config=CONFIG)
-    held = solve(pictures, names, camera=calibrated())
+    found = solve(pictures, names, camera=calibrated())
+    held = solve(pictures, names, camera=calibrated(), config=HELD)
     assert found.is_whole
     assert focal_fault(found) is None
     assert held.result.radial == 0
@@ -71,7 +77,25 @@ def test_a_distortion_that_was_left_is_found_and_poses_get_better(pictures, trut
     assert better.rotation_median_deg < 0.3 * worse.rotation_median_deg
 
 
-def test_a_lens_that_is_known_already_cannot_be_improved(pictures):
-    camera = calibrated(distortion="brown", coefficients=[0.01, 0, 0, 0])
-    with pytest.raises(ValueError, match="rectify"):
-        solve(pictures, [str(i) for i in range(len(pictures))], camera=camera, config=CONFIG)
+def test_a_lens_that_is_known_is_taken_as_it_is(pictures):
+    camera = calibrated(distortion="brown", coefficients=[RADIAL, 0, 0, 0])
+    names = [str(i) for i in range(len(pictures))]
+    found = solve(pictures, names, camera=camera)
+    assert found.result.radial == 0
+    assert found.camera == camera
+
+
+def test_the_program_says_that_a_calibration_is_wrong(pictures, tmp_path: Path):
+    folder, out = tmp_path / "pictures", tmp_path / "out"
+    folder.mkdir()
+    for i, picture in enumerate(pictures):
+        cv2.imwrite(str(folder / f"{i:02d}.png"), picture)
+    known = yaml.safe_dump(camera_values(calibrated()), sort_keys=False)
+    (folder / "calibration.yaml").write_text(known)
+    result = call("reconstruct", folder, "-o", out)
+    assert result.exit_code == 0, said(result)
+    assert "which their calibration does not know" in said(result)
+    summary = summary_of(out)
+    assert "px in their corners" in summary["lens_fault"]
+    assert abs(summary["focal_px"] / FOCAL - 1) < 0.005
+    assert load_camera(out).distortion == "brown"

@@ -20,7 +20,7 @@ struct ReconstructionConfig {
   double max_ratio = 0.8;
   double feature_sigma_px = 0.5;
   double focal_sigma = 0;
-  double lens_sigma = 0;
+  double lens_sigma = 0.002;
   int min_pair_inliers = 20;
   int motions = 1;
   int min_track_length = 3;
@@ -55,8 +55,9 @@ struct ReconstructionConfig {
             "relative standard error of the focal length given; 0: it is right, more: a better one"
             " is looked for");
     visitor("lens_sigma", config.lens_sigma, 0.0, 0.05,
-            "standard error of a calibration: part by which pixels are too far from the centre; 0:"
-            " it is right, more: a better focal length and radial distortion are looked for");
+            "standard error of the calibration of pictures without distortion, as a part of pixels'"
+            " distances from the centre: a radial distortion that was left is looked for, and taken"
+            " from 1 px in the corners on; 0: there is none");
     visitor("min_pair_inliers", config.min_pair_inliers, 8, 1000,
             "matches that must agree on the geometry of two pictures");
     visitor("motions", config.motions, 1, 4,

@@ -18,6 +18,8 @@ constexpr int least_pictures = 3;
 constexpr double settled = 1e-4;
 /// With more than this the calibration is no calibration, and pixels of wide pictures would fold.
 constexpr double largest_radial = 0.05;
+/// Of the corner, by the distortion alone.
+constexpr double least_shift_px = 1;
 
 /// Derivative of the cost for the radial distortion, all else held. Where poses, points and focal
 /// length are adjusted their derivatives are zero, so that this is how the least cost changes.
@@ -55,8 +57,9 @@ double settle(Scene& scene, double radial, const ReconstructionConfig& config) {
 
 }  // namespace
 
-void refine_lens(Scene& scene, const ReconstructionConfig& config) {
+void refine_lens(Scene& scene, const ReconstructionConfig& config, double corner) {
   if (scene.posed_count() < least_pictures) return;
+  const Scene held = scene;
   if (!scene.focal_prior()) {
     const double focal_px = scene.ideal_camera().focal_px;
     scene.set_focal_prior(FocalPrior{focal_px, config.lens_sigma * focal_px});
@@ -73,6 +76,11 @@ void refine_lens(Scene& scene, const ReconstructionConfig& config) {
     slope_before = slope;
     if (std::abs(next - now) < settled) break;
     now = next;
+  }
+  const double shift_px = std::abs(scene.radial()) * std::pow(corner, 3) * scene.given_focal_px();
+  if (shift_px < least_shift_px || std::abs(scene.radial()) >= largest_radial) {
+    scene = held;
+    return;
   }
   adjust_all(scene, config, final_rounds);
 }

@@ -123,12 +123,16 @@ std::optional<FocalPrior> focal_prior(std::span<const Camera> cameras,
   return FocalPrior{cameras[0].fx_px, config.focal_sigma * cameras[0].fx_px};
 }
 
-/// Only of one camera without a lens the better one can be told.
-void check_lens(std::span<const Camera> cameras, const ReconstructionConfig& config) {
-  if (config.lens_sigma > 0 && (cameras.size() != 1 || cameras[0].distortion != Distortion::none)) {
-    throw std::invalid_argument(
-        "lens_sigma > 0 needs one camera without distortion: rectify the pictures");
-  }
+/// What is left of a lens is looked for in pictures of one camera that are thought to have none.
+bool may_be_bent(std::span<const Camera> cameras, const ReconstructionConfig& config) {
+  return config.lens_sigma > 0 && cameras.size() == 1 && cameras[0].distortion == Distortion::none;
+}
+
+/// How far a picture's farthest corner is from its middle, in focal lengths.
+double corner_of(const Camera& camera) {
+  const double x = std::max(camera.cx_px, camera.width_px - 1 - camera.cx_px) / camera.fx_px;
+  const double y = std::max(camera.cy_px, camera.height_px - 1 - camera.cy_px) / camera.fy_px;
+  return std::hypot(x, y);
 }
 
 /// Gives the one camera of a scene with a focal prior the focal length found; returns the change,
@@ -156,7 +160,6 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
                            std::span<const int> camera_of_picture, bool is_ordered,
                            const ReconstructionConfig& config) {
   const std::optional<FocalPrior> known = focal_prior(cameras, config);
-  check_lens(cameras, config);
   std::vector<Camera> believed(cameras.begin(), cameras.end());
   const PictureSet set{pictures, believed, camera_of_picture};
   set.check();
@@ -179,8 +182,10 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
       if (change > settled_focal && pass < max_passes) continue;
       refine_features(model, set, by_content, team);
       adjust_all(model, config, final_rounds);
-      // 7. What the calibration got wrong.
-      if (config.lens_sigma > 0) refine_lens(model, config);
+      // 7. What the calibration got wrong, as far as a sound model tells.
+      if (may_be_bent(cameras, config) && grown.bent() == 0) {
+        refine_lens(model, config, corner_of(cameras[0]));
+      }
     }
     set_world(model, by_content);
     return report(model, described, pairs, by_content, pictures, {grown.strange, grown.is_bent});

@@ -46,9 +46,9 @@ struct Reconstruction {
   std::vector<std::uint8_t> greys;
   std::vector<PointView> views;  ///< by point
   double rms_px = 0;             ///< of the residuals' x and y
-  double focal_px = 0;           ///< of the first camera, a better one if that was asked for
-  double focal_sigma_px = 0;     ///< its standard error; 0 if it was not looked for
-  /// First coefficient of the distortion left (Brown), with `focal_px`; 0 if not looked for.
+  double focal_px = 0;           ///< of the first camera, a better one if that was found
+  double focal_sigma_px = 0;     ///< its standard error; 0 if it is the one given
+  /// First coefficient of the distortion left (Brown), with `focal_px`; 0 if none was found.
   double radial = 0;
   int feature_count = 0, pair_count = 0, track_count = 0;
 };
@@ -61,8 +61,8 @@ struct Reconstruction {
 /// what cannot be solved is said in `fates`.
 ///
 /// With `config.focal_sigma` a better focal length is looked for; there must then be one camera,
-/// with square pixels and without a lens. With `config.lens_sigma` so is what a calibration left
-/// of the lens.
+/// with square pixels and without a lens. With `config.lens_sigma` what a calibration left of the
+/// lens is looked for in pictures of one camera without distortion, see `refine_lens`.
 Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const Camera> cameras,
                            std::span<const int> camera_of_picture, bool is_ordered,
                            const ReconstructionConfig& config);

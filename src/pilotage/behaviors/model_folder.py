@@ -172,11 +172,26 @@ def _focal_summary(found: Reconstructed) -> dict[str, Any]:
     if not found.model.names or result.focal_sigma_px == 0:
         return {"focal_px": None, "focal_sigma_px": None, "fov_deg": None}
     half = 0.5 * found.camera.width_px / result.focal_px
-    return {
+    told: dict[str, Any] = {
         "focal_px": result.focal_px,
         "focal_sigma_px": result.focal_sigma_px,
         "fov_deg": math.degrees(2 * math.atan(half)),
     }
+    if result.radial != 0:
+        told["lens_fault"] = (
+            f"the pictures are bent by {_corner_shift_px(found.camera):.1f} px in their corners,"
+            f" which their calibration does not know: taken with a focal length of"
+            f" {result.focal_px:.1f} px and a radial distortion of {result.radial:.4f}; calibrate"
+            " anew, or hold what was given with --set lens_sigma=0"
+        )
+    return told
+
+
+def _corner_shift_px(camera: Camera) -> float:
+    """Return by how much its radial distortion moves the farthest corner of the pictures."""
+    x = max(camera.cx_px, camera.width_px - 1 - camera.cx_px) / camera.fx_px
+    y = max(camera.cy_px, camera.height_px - 1 - camera.cy_px) / camera.fy_px
+    return float(abs(camera.coefficients[0]) * math.hypot(x, y) ** 3 * camera.fx_px)
 
 
 def _summary(pictures: Path, found: Reconstructed, *, ordered: bool) -> dict[str, Any]:

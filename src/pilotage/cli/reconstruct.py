@@ -138,6 +138,8 @@ def _conclude(summary: dict[str, Any], out: Path) -> None:
             say_warning(words)
         if summary["posed"] and summary["verdict"].startswith("unsure"):
             say_warning(summary["verdict"])
+    if "lens_fault" in summary:
+        say_warning(summary["lens_fault"])
     if summary["posed"] and "length_fault" in summary:
         say_warning(f"--mark-size-m: {summary['length_fault']}")
     if summary["posed"] == 0:
