@@ -97,7 +97,10 @@ def test_report_says_why_a_model_is_not_to_be_believed(tmp_path: Path) -> None:
     model = a_model()
     source = write_pictures(tmp_path / "pictures", model.names)
     verdict_ = "unsure: the focal length comes out +40 % off the nominal one"
-    page = write_folder(tmp_path / "out", model, summary_of(model, source, verdict=verdict_))
+    known = {"verdict": verdict_, "lens_fault": "the pictures are bent", "length_fault": "no mark"}
+    page = write_folder(tmp_path / "out", model, summary_of(model, source, **known))
+    assert "The pictures are bent." in page
+    assert "No mark." in page
     assert "Unsure: the focal length comes out +40 % off the nominal one." in page
 
 

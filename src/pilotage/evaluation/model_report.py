@@ -54,6 +54,8 @@ def _sections(out: Path, summary: Mapping[str, Any], model: Model | None) -> Ite
     said = [model_words(summary)]
     if model is not None and summary["verdict"].startswith("unsure"):
         said.append(f"U{summary['verdict'][1:]}.")
+    faults = [summary[key] for key in ("lens_fault", "length_fault") if key in summary]
+    said += [f"{fault[0].upper()}{fault[1:]}." for fault in faults]
     yield verdict_card(said, is_bad=summary["verdict"] != "whole")
     missing = what_is_missing(summary["verdict"]) if is_walk else None
     yield warnings_card(
