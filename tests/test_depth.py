@@ -211,6 +211,7 @@ def test_the_program_writes_a_folder(files: Path, tmp_path: Path):
     assert "points, depth" in said(done)
     summary = summary_of(out)
     assert summary["status"] == "measured"
+    assert f", the nearest {summary['obstacles'][0]['distance_m']:.2f} m away, " in said(done)
     table = np.genfromtxt(out / "depth.csv", delimiter=",", names=True)
     assert len(table) == summary["points"] == len(read_ply(out / "points.ply")[0])
     assert (table["depth_m"] <= table["distance_m"] * 1.001).all()

@@ -26,8 +26,9 @@ from pilotage.cli.drawing import draw_report as draw_alone
 from pilotage.cli.main import app
 from pilotage.errors import InputError
 from pilotage.evaluation.level import level_from_world, limits_of
-from pilotage.evaluation.model_report import draw_report, missing_lines
+from pilotage.evaluation.model_report import draw_report
 from pilotage.evaluation.track_pictures import spread
+from pilotage.evaluation.verdict import missing_lines
 from pilotage.models import Model, write_colmap_binary
 from pilotage.results import COLMAP_BINARY, write_json
 
@@ -68,6 +69,8 @@ def test_report_shows_the_model_and_its_pictures(tmp_path: Path) -> None:
     assert page.count("<figcaption") == 5
     dots = sum(len(re.findall(r"h0", path)) for path in re.findall(r"<path d='(M[^']*h0)'", page))
     assert dots == 2 * len(model.picture)  # each on its rim
+    assert re.search(r"<path d='M[\d.]+ [\d.]+L[\d.]+ [\d.]+", page)
+    assert re.search(r"0\.jpg: \d+ points, lines to [23]\.jpg", page)  # of the same camera
     assert "Pictures without a pose" not in page
     # Nothing is fetched: what is linked lies in the page itself.
     links = re.findall(r"(?:href|src)=['\"]([^'\"]*)", page)
@@ -88,6 +91,17 @@ def test_report_names_what_is_missing_and_why(tmp_path: Path) -> None:
     assert "verdict bad" in page
     many = missing_lines({f"{i}.jpg": "is dark" for i in range(20)})
     assert many == [", ".join(f"{i}.jpg" for i in range(12)) + " and 8 more: is dark"]
+
+
+def test_report_says_why_a_model_is_not_to_be_believed(tmp_path: Path) -> None:
+    model = a_model()
+    source = write_pictures(tmp_path / "pictures", model.names)
+    verdict_ = "unsure: the focal length comes out +40 % off the nominal one"
+    known = {"verdict": verdict_, "lens_fault": "the pictures are bent", "length_fault": "no mark"}
+    page = write_folder(tmp_path / "out", model, summary_of(model, source, **known))
+    assert "The pictures are bent." in page
+    assert "No mark." in page
+    assert "Unsure: the focal length comes out +40 % off the nominal one." in page
 
 
 def test_report_is_drawn_without_pictures_points_or_poses(tmp_path: Path) -> None:
@@ -164,9 +178,12 @@ def test_limits_hold_all_cameras_and_leave_out_what_is_far() -> None:
 
 
 def test_pictures_are_spread_over_the_walk() -> None:
-    assert spread(list(range(39))) == [0, 8, 15, 23, 30, 38]
-    assert spread([3, 5]) == [3, 5]
-    assert spread([]) == []
+    counts = np.ones(39)
+    assert spread(list(range(39)), counts) == [0, 7, 14, 21, 27, 33]
+    counts[[3, 20, 38]] = 9  # of each stretch the picture that shows most
+    assert spread(list(range(39)), counts) == [3, 7, 20, 21, 27, 38]
+    assert spread([3, 5], counts) == [3, 5]
+    assert spread([], counts) == []
 
 
 def test_times_are_those_of_names_or_places() -> None:

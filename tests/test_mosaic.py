@@ -235,7 +235,7 @@ def test_blank_pictures_are_refused(tmp_path: Path):
         ("nine", [], "give --calibration, or --fov-deg"),
         ("nine", ["--fov-deg", "60", "--stop", "1"], "only a recording has stops"),
         ("nine", ["--fov-deg", "nan"], "field of view"),
-        ("one", ["--fov-deg", "60"], "1 pictures"),
+        ("one", ["--fov-deg", "60"], "1 picture;"),
         ("unlike", ["--fov-deg", "60"], "100x80 pixels"),
         ("walk", ["--stop", "99"], "has no stop 99; choose one from 0 to 1"),
         ("walk", ["--stop", "-1"], "--stop"),

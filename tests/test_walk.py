@@ -15,6 +15,7 @@ from program import call, said, summary_of
 from scipy.spatial.transform import Rotation
 
 from pilotage import StopFate, Transform
+from pilotage.behaviors.square_marks import MarkSize
 from pilotage.behaviors.walk import PlacedWalk, place_walk, what_became
 from pilotage.behaviors.walk_account import RecordedWalk, read_walk
 from pilotage.behaviors.walk_folder import against_truth, reconstruct_recording
@@ -128,7 +129,10 @@ def test_the_folder_is_whole(placed: Path, walk: RecordedWalk):
     shown = cv2.imread(str(placed / "pictures" / walk.names[-1]), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(shown, walk.pictures[-1].picture)
     assert len(read_ply(placed / "points.ply")[0]) == summary["points"]
-    assert len((placed / "trajectory_tum.txt").read_text().splitlines()) == summary["posed"]
+    cameras = [np.loadtxt(placed / f"trajectory_{name}_tum.txt") for name in ("top", "bottom")]
+    assert sum(map(len, cameras)) == summary["posed"]
+    assert all((np.diff(camera[:, 0]) > 0).all() for camera in cameras)
+    assert not (placed / "trajectory_tum.txt").exists()
     torso = np.loadtxt(placed / "trajectory_torso_tum.txt")
     assert len(torso) == STOPS
     assert TORSO_M[0] < torso[:, 3].min()
@@ -225,6 +229,7 @@ class Rewritten:
     [
         ({"robot_from_camera": None}, ["not told where it is on the robot", "/tf", "folder"]),
         ({"odom_from_robot": None}, ["no odometry (/odom)", "folder"]),
+        ({"odom_from_robot": Transform()}, ["stood in one place only", "mosaic", "localize"]),
         ({"is_moving": True}, [f"all {STOPS * LOOKS} pictures were taken on the way", "localize"]),
     ],
 )
@@ -281,6 +286,8 @@ def test_results_are_replaced_only_when_told(placed: Path, recording: Path, tmp_
     with pytest.raises(InputError, match="overwrite"):
         reconstruct_recording(recording=recording, out=out)
     (out / "pictures" / "stop099_0999_top.png").write_bytes(b"of a longer walk")
-    summary = reconstruct_recording(recording=recording, out=out, overwrite=True)
+    marks = MarkSize(side_m=0.16, family="apriltag-36h11")
+    summary = reconstruct_recording(recording=recording, out=out, marks=marks, overwrite=True)
+    assert summary["length_fault"].endswith("lengths are by joints, steps and floor alone")
     assert len(list((out / "pictures").iterdir())) == summary["pictures"]
     assert (out / "stops.csv").read_bytes() == (placed / "stops.csv").read_bytes()

@@ -26,6 +26,8 @@ PAIRS, JUDGE = "pairs", "judge"
 # picture cannot be told from height, so it is not estimated.
 DOWNWARD: dict[str, Any] = {"front_end": "grid", "right_x_offset_prior_px": 0}
 
+REGIONS = ("uses_dog", "uses_harris", "uses_fast_hessian", "uses_mser")
+
 
 @dataclass(frozen=True)
 class UserConfig:
@@ -93,6 +95,9 @@ def load_reconstruction_config(
     for values, where in sources:
         _check(values, ReconstructionConfig, where, "")
         changes |= values
+        chosen = ReconstructionConfig.from_dict(changes).to_dict()
+        if not any(chosen[kind] for kind in REGIONS):
+            raise InputError(f"{where}: one of {', '.join(REGIONS)} must be true")
     return ReconstructionConfig.from_dict(changes)
 
 

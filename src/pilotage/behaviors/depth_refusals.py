@@ -6,10 +6,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import cv2
-import numpy as np
-
 from pilotage import PictureFate
+from pilotage.behaviors.picture_detail import has_detail
 
 if TYPE_CHECKING:
     from pilotage.recordings.frames import Grey
@@ -32,20 +30,8 @@ REFUSALS: Mapping[PictureFate, tuple[str, str]] = {
         "let nothing move between the two, and check the calibration",
     ),
 }
-CELL_PX = 16
-LEAST_CONTRAST = 8.0  # grey values in a cell, smoothed: less is noise
-LEAST_DETAIL = 0.02  # of a picture's cells
 
 
 def cause_of(fate: PictureFate, greys: list[Grey]) -> PictureFate:
     """Return what is behind `fate`: noise of a blank wall is no detail."""
-    return fate if all(_has_detail(grey) for grey in greys) else PictureFate.few_features
-
-
-def _has_detail(grey: Grey) -> bool:
-    smooth = cv2.GaussianBlur(grey, (0, 0), 2).astype(np.float32)
-    height, width = (side // CELL_PX * CELL_PX for side in smooth.shape)
-    if not height or not width:
-        return False
-    cells = smooth[:height, :width].reshape(height // CELL_PX, CELL_PX, width // CELL_PX, CELL_PX)
-    return bool((np.ptp(cells, axis=(1, 3)) > LEAST_CONTRAST).mean() > LEAST_DETAIL)
+    return fate if all(has_detail(grey) for grey in greys) else PictureFate.few_features

@@ -63,6 +63,7 @@ def model_summary(  # noqa: PLR0913, all that is told of a model
     names: Sequence[str],
     model: Model,
     result: Reconstruction,
+    fates: Sequence[PictureFate],
     unit: str,
     ordered: bool,
 ) -> dict[str, Any]:
@@ -73,7 +74,7 @@ def model_summary(  # noqa: PLR0913, all that is told of a model
         "pictures": len(names), "posed": len(model.names),
         "without_pose": {
             name: FATE_WORDS[fate]
-            for name, fate in zip(names, result.fates, strict=True)
+            for name, fate in zip(names, fates, strict=True)
             if fate is not PictureFate.posed
         },
         "points": len(model.points_in_world), "observations": len(model.picture),
@@ -84,9 +85,17 @@ def model_summary(  # noqa: PLR0913, all that is told of a model
 
 
 def model_writes(
-    out: Path, model: Model, times_ns: dict[str, int], config: ReconstructionConfig
+    out: Path,
+    model: Model,
+    times_ns: dict[str, int],
+    config: ReconstructionConfig,
+    camera_names: Sequence[str] = (),
 ) -> list[Callable[[], object]]:
-    """Return what writes the settings, and the model where it has pictures; times by name."""
+    """Return what writes the settings, and the model where it has pictures; times by name.
+
+    Cameras with names, those of `model.cameras`, have a trajectory each: two that look at one time
+    would be two poses of it.
+    """
     settings = yaml.safe_dump(config.to_dict(), sort_keys=False)
     writes: list[Callable[[], object]] = [
         functools.partial(write_atomically, out / CONFIG, settings)
@@ -96,8 +105,14 @@ def model_writes(
         writes += [
             functools.partial(write_colmap_text, out / COLMAP_TEXT, model),
             functools.partial(write_colmap_binary, out / COLMAP_BINARY, model),
-            functools.partial(write_tum, out / TUM, model, posed_ns),
             functools.partial(write_ply, out / CLOUD, model),
             functools.partial(write_ply, out / CLOUD_WITH_CAMERAS, model, with_cameras=True),
+        ]
+        of_camera: list[tuple[str, int | None]] = [
+            (f"trajectory_{name}_tum.txt", i) for i, name in enumerate(camera_names)
+        ]
+        writes += [
+            functools.partial(write_tum, out / file, model, posed_ns, camera=camera)
+            for file, camera in of_camera or [(TUM, None)]
         ]
     return writes

@@ -25,7 +25,7 @@ from pilotage.behaviors.reconstruct import (
     shape_fault,
     solve,
 )
-from pilotage.behaviors.square_marks import MarkSize, find_marks
+from pilotage.behaviors.square_marks import MarkSize, find_marks, no_mark
 from pilotage.calibration.one_camera import camera_of_view, load_camera
 from pilotage.calibration.own import camera_values
 from pilotage.errors import InputError
@@ -71,6 +71,7 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     first = read_first(files[0])
     camera = camera_of(first, pictures, calibration, fov_deg)
     config = with_refinement(config, fov_deg, refine_fov=refine_fov)
+    _check_count(pictures, len(files), config)
     check_free(out, overwrite=overwrite)
     start, start_cpu = time.perf_counter(), time.process_time()
     greys = read_greys(files, camera, first=first)
@@ -89,6 +90,15 @@ def reconstruct_folder(  # noqa: PLR0913, all by name
     if errors:
         raise errors[0]
     return summary
+
+
+def _check_count(pictures: Path, count: int, config: ReconstructionConfig) -> None:
+    least = config.to_dict()["min_track_length"]
+    if 1 < count < least:
+        raise InputError(
+            f"{pictures}: {count} pictures, and what fewer than {least} show does not count"
+            f" (min_track_length); give more, or --set min_track_length={count}"
+        )
 
 
 def read_first(file: Path) -> Grey:
@@ -132,7 +142,8 @@ def with_refinement(
     wanted = refine_fov or is_set
     if wanted and fov_deg is None:
         raise InputError(
-            "--refine-fov and focal_sigma > 0 improve on a nominal field of view: give --fov-deg"
+            "--refine-fov and focal_sigma > 0 improve on a nominal field of view: give --fov-deg,"
+            " or --set focal_sigma=0 where the camera is known"
         )
     if not refine_fov or is_set:
         return config
@@ -153,10 +164,7 @@ def _length(found: Reconstructed, greys: Sequence[Grey], marks: MarkSize) -> Len
 def _length_facts(length: LengthEstimate | None, marks: MarkSize) -> dict[str, Any]:
     if length is not None:
         return {"unit": "m", "lengths": length_summary([length], length.factor, length.sigma)}
-    return {
-        "length_fault": f"no mark of the family {marks.family} is seen whole and sharp in two"
-        " placed pictures from places well apart: lengths are in the model's own unit"
-    }
+    return {"length_fault": f"{no_mark(marks)}: lengths are in the model's own unit"}
 
 
 def _focal_summary(found: Reconstructed) -> dict[str, Any]:
@@ -189,7 +197,7 @@ def _corner_shift_px(camera: Camera) -> float:
 def _summary(pictures: Path, found: Reconstructed, *, ordered: bool) -> dict[str, Any]:
     told = model_summary(
         source=pictures, verdict=verdict(found), names=found.names, model=found.model,
-        result=found.result, unit="unknown", ordered=ordered,
+        result=found.result, fates=found.fates, unit="unknown", ordered=ordered,
     )  # fmt: skip
     return told | _focal_summary(found)
 
@@ -203,7 +211,7 @@ def verdict(found: Reconstructed) -> str:
     if found.model.names:
         return f"partial: {len(found.model.names)} of {len(found.names)} pictures"
     if len(found.names) < 2:
-        return "one picture says nothing of distance: give two or more"
+        return "one picture says nothing of distance: give three or more"
     fates = [fate for fate in found.fates if fate is not PictureFate.posed]
     commonest = max(set(fates), key=lambda fate: (fates.count(fate), fate.value))
     return FATE_WORDS[commonest]

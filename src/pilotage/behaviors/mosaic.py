@@ -130,7 +130,7 @@ def _link(views: Sequence[View], found: Shared) -> Link:
     count = int(known.sum())
     map_, reason = None, ""
     if result.b_from_a is None:
-        reason = f"only {count} matches, and no turn of the camera explains {FEWEST_INLIERS}"
+        reason = f"of {count} matches no turn of the camera explains {FEWEST_INLIERS}"
     else:
         map_ = np.linalg.inv(_intrinsics(lens_b)) @ result.b_from_a @ _intrinsics(lens_a)
         map_ = map_ / np.cbrt(np.linalg.det(map_))

@@ -100,8 +100,8 @@ def _views_of(folder: Path, calibration: Path | None, fov_deg: float | None) -> 
 def _check_count(views: Sequence[View], source: Path) -> None:
     if not 2 <= len(views) <= MOST_PICTURES:
         raise InputError(
-            f"{source}: {len(views)} pictures; a wide view takes 2 to {MOST_PICTURES}, say the six"
-            " of a head's sweep"
+            f"{source}: {len(views)} picture{'' if len(views) == 1 else 's'}; a wide view takes 2"
+            f" to {MOST_PICTURES}, say the six of a head's sweep"
         )
 
 

@@ -6,12 +6,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pilotage import PictureFate
+from pilotage.behaviors.disjoint_views import disjoint_views
+from pilotage.behaviors.picture_detail import has_detail
 from pilotage.errors import InputError
 from pilotage.models import Model
 from pilotage.recordings.pictures import PictureError, read_grey
@@ -36,6 +39,8 @@ FATE_WORDS: Mapping[PictureFate, str] = {
 NOMINAL_FOCAL_SIGMA = 0.2
 # A focal length known worse than this leaves depth against width in doubt: not a good model.
 USABLE_FOCAL_SIGMA = 0.03
+# More names than this in a line tell no more.
+LISTED = 6
 # So many standard errors off the nominal one, a focal length fits mistakes.
 LARGEST_FOCAL_ERRORS = 2.0
 
@@ -58,7 +63,12 @@ class Reconstructed:
     def is_whole(self) -> bool:
         """Tell whether every picture has a pose, in a model whose shape nothing contradicts."""
         is_posed = all(fate is PictureFate.posed for fate in self.fates)
-        return is_posed and not self.result.bent_pictures
+        return is_posed and not self.result.bent_pictures and not self.disjoint
+
+    @cached_property
+    def disjoint(self) -> list[str]:
+        """Names of the pictures that show next to nothing of what others show from beside them."""
+        return [self.model.names[i] for i in disjoint_views(self.model)]
 
     @property
     def camera(self) -> Camera:
@@ -68,14 +78,21 @@ class Reconstructed:
 
 def shape_fault(found: Reconstructed) -> str | None:
     """Return why the shape of the model is not to be believed; None where it is."""
-    bent = [found.names[i] for i in found.result.bent_pictures]
-    if not bent:
-        return None
-    return (
-        f"{len(bent)} of {len(found.model.names)} pictures ({bent[0]} to {bent[-1]}) fit each other"
-        " much better than this model: its shape is wrong there, take pictures of things at"
-        " different depths, from places nearer to each other"
-    )
+    bent, count = [found.names[i] for i in found.result.bent_pictures], len(found.model.names)
+    if bent:
+        return (
+            f"{len(bent)} of {count} pictures ({bent[0]} to {bent[-1]}) fit each other"
+            " much better than this model: its shape is wrong there, take pictures of things at"
+            " different depths, from places nearer to each other"
+        )
+    if found.disjoint:
+        return (
+            f"{len(found.disjoint)} of {count} pictures ({', '.join(found.disjoint[:LISTED])}"
+            f"{', ...' if len(found.disjoint) > LISTED else ''}) show hardly anything of what"
+            " others show from beside them: mirrored, or of another thing that looks alike;"
+            " reconstruct them by themselves"
+        )
+    return None
 
 
 def focal_fault(found: Reconstructed) -> str | None:
@@ -131,11 +148,17 @@ def solve(
     return Reconstructed(
         model=model_of(names, [_as_found(camera, result)], [0] * len(names), result),
         names=tuple(names),
-        fates=tuple(result.fates),
+        fates=tuple(map(_cause, result.fates, greys)),
         result=result,
         given_focal_px=camera.fx_px,
         focal_sigma=0.0 if config is None else float(config.to_dict()["focal_sigma"]),
     )
+
+
+def _cause(fate: PictureFate, grey: Grey) -> PictureFate:
+    """Return what is behind a picture's fate: where there is but noise, nothing can be shared."""
+    is_alone = fate is PictureFate.no_matches
+    return PictureFate.few_features if is_alone and not has_detail(grey) else fate
 
 
 def _as_found(camera: Camera, result: Reconstruction) -> Camera:
@@ -180,7 +203,8 @@ def check_size(name: Path | str, grey: Grey, camera: Camera) -> None:
     if grey.shape != (camera.height_px, camera.width_px):
         raise InputError(
             f"{name}: {grey.shape[1]}x{grey.shape[0]} pixels, its camera has"
-            f" {camera.width_px}x{camera.height_px}; calibrate at the pictures' size"
+            f" {camera.width_px}x{camera.height_px}; give pictures of one camera, calibrated at"
+            " their size"
         )
 
 

@@ -52,6 +52,14 @@ class MarkSize:
             raise InputError(f"--mark-family {self.family}: must be one of {', '.join(FAMILIES)}")
 
 
+def no_mark(marks: MarkSize) -> str:
+    """Return why marks of a known size say nothing of a model's lengths."""
+    return (
+        f"no mark of the family {marks.family} is seen whole and sharp in two placed pictures from"
+        " places well apart"
+    )
+
+
 def find_marks(
     pictures: Sequence[Grey],
     cameras: Sequence[Camera],

@@ -122,7 +122,8 @@ def _view(recording: PictureRecording, picture: SinglePicture, stop_from_torso: 
             " a folder of pictures"
         )
     head = HeadAngles(joints[YAW], joints[PITCH])
-    yaw_deg, pitch_deg = (math.degrees(angle) for angle in head)
+    # Not -0.0, which would read as another direction than 0.0.
+    yaw_deg, pitch_deg = (round(math.degrees(angle), 1) + 0.0 for angle in head)
     return View(
         name=f"{picture.index} {picture.camera} {yaw_deg:+.1f} {pitch_deg:+.1f}",
         grey=picture.picture, lens=recording.cameras[picture.camera], camera=picture.camera,

@@ -95,6 +95,12 @@ def read_walk(recording: PictureRecording) -> RecordedWalk:
         standing += run
         stops += [number] * len(run)
     _check(recording, standing, counted)
+    if stops[-1] == 0:
+        raise InputError(
+            f"{recording.path}: the robot stood in one place only ({counted.moving} pictures were"
+            " taken on the way); a walk has two stops or more, pilotage mosaic joins what one stop"
+            " shows, pilotage localize follows stereo pairs on the way"
+        )
     return RecordedWalk(
         recording=recording,
         camera_names=names,

@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pilotage import StopFate
+from pilotage import LengthSource, StopFate
 from pilotage.atomic_files import write_atomically, write_each
 from pilotage.behaviors.model_files import MODEL_FILES, length_summary, model_summary, model_writes
-from pilotage.behaviors.square_marks import MarkSize
+from pilotage.behaviors.square_marks import MarkSize, no_mark
 from pilotage.behaviors.walk import PlacedWalk, place_walk, walk_config, what_became
 from pilotage.behaviors.walk_account import RecordedWalk, read_walk
 from pilotage.config import load_reconstruction_config
@@ -39,7 +39,15 @@ from pilotage.stop_files import stops_text
 if TYPE_CHECKING:
     from pilotage import ReconstructionConfig, Transform
 
-WALK_FILES = (*MODEL_FILES, STOPS, TUM_TORSO, f"{WALK_PICTURES}/stop*.png", f"{WALK_PICTURES}/")
+TUM_OF_CAMERAS = "trajectory_*_tum.txt"
+WALK_FILES = (
+    *MODEL_FILES,
+    STOPS,
+    TUM_TORSO,
+    TUM_OF_CAMERAS,
+    f"{WALK_PICTURES}/stop*.png",
+    f"{WALK_PICTURES}/",
+)
 # Truth is told often while a robot stands.
 TRUTH_WITHIN_NS = 100_000_000
 
@@ -68,6 +76,10 @@ def reconstruct_recording(  # noqa: PLR0913, all by name
     placed = place_walk(walk, chosen, marks)
     cost = {"wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - start_cpu}
     summary = _summary(recording, placed) | cost
+    if marks is not None and not any(
+        one.source is LengthSource.marks for one in placed.result.lengths
+    ):
+        summary["length_fault"] = f"{no_mark(marks)}: lengths are by joints, steps and floor alone"
     errors = write_each(_writes(out, placed, chosen, summary))
     if errors:
         raise errors[0]
@@ -78,7 +90,8 @@ def _summary(recording: Path, placed: PlacedWalk) -> dict[str, Any]:
     walk, stops = placed.walk, placed.stops
     told = model_summary(
         source=recording, verdict="; ".join(what_became(stops)) or "whole", names=walk.names,
-        model=placed.model, result=placed.result.model, unit="m", ordered=True,
+        model=placed.model, result=placed.result.model, fates=placed.result.model.fates, unit="m",
+        ordered=True,
     )  # fmt: skip
     return told | {
         "moving_pictures": walk.moving, "unreadable": list(walk.bad),
@@ -144,7 +157,7 @@ def _writes(
     walk, model = placed.walk, placed.model
     times_ns = [first.timestamp_ns for first in walk.firsts]
     of_name = {n: p.timestamp_ns for n, p in zip(walk.names, walk.pictures, strict=True)}
-    writes = model_writes(out, model, of_name, config)
+    writes = model_writes(out, model, of_name, config, walk.camera_names)
     writes += [
         functools.partial(write_atomically, out / STOPS, stops_text(placed.stops, times_ns)),
         functools.partial(write_pictures, out / WALK_PICTURES, walk),

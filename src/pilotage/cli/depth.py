@@ -89,5 +89,20 @@ def _conclude(summary: dict[str, Any], out: Path) -> None:
     typer.echo(
         f"{summary['points']} points, depth {summary['median_depth_m']:.2f} m in the median, known"
         f" to {100 * summary['median_relative_sigma']:.1f} %,"
-        f" {len(summary['obstacles'])} obstacles, {summary['wall_s']:.1f} s; {out / 'depth.png'}"
+        f" {_obstacles(summary)}, {summary['wall_s']:.1f} s; {out / 'depth.png'}"
+    )
+
+
+def _obstacles(summary: dict[str, Any]) -> str:
+    if summary["ground"] is None:
+        return "no ground seen, so no obstacles told"
+    found = summary["obstacles"]
+    if not found:
+        return "nothing stands on the ground"
+    nearest = found[0]
+    side = "left" if nearest["bearing_deg"] >= 0 else "right"
+    count = "1 obstacle" if len(found) == 1 else f"{len(found)} obstacles, the nearest"
+    return (
+        f"{count} {nearest['distance_m']:.2f} m away, {abs(nearest['bearing_deg']):.0f} degrees to"
+        f" the {side}"
     )

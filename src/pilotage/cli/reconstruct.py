@@ -125,15 +125,17 @@ def _check_options_of_walk(
 
 
 def _conclude(summary: dict[str, Any], out: Path) -> None:
-    from pilotage.evaluation.verdict import model_words
+    from pilotage.evaluation.verdict import missing_lines, model_words
     from pilotage.results import REPORT, SUMMARY
 
     if "stops" in summary:
         if summary["verdict"] != "whole":
             say_warning(summary["verdict"])
     else:
-        for name, words in summary["without_pose"].items():
-            say_warning(f"{name}: {words}")
+        lines = missing_lines(summary["without_pose"])
+        # One reason for all pictures is that of the failure, which says it.
+        for words in lines if summary["posed"] or len(lines) > 1 else []:
+            say_warning(words)
         if summary["posed"] and summary["verdict"].startswith("unsure"):
             say_warning(summary["verdict"])
     if "lens_fault" in summary:

@@ -60,12 +60,12 @@ def limits_of(points: Array, cameras: Array) -> Array:
     """Return (2, D), lowest and highest: all (P, D) cameras and most of the (N, D) points.
 
     Few points that lie far away (or were found so) would make all others a dot: what reaches
-    beyond the middle nine tenths by more than a third of their extent is left outside.
+    beyond the middle nine tenths by more than a sixth of their extent is left outside.
     """
     low, high = cameras.min(axis=0), cameras.max(axis=0)
     if len(points):
         inner = np.quantile(points, (0.05, 0.95), axis=0)
-        reach = (inner[1] - inner[0]) / 3
+        reach = (inner[1] - inner[0]) / 6
         low = np.minimum(low, np.maximum(points.min(axis=0), inner[0] - reach))
         high = np.maximum(high, np.minimum(points.max(axis=0), inner[1] + reach))
     margin = 0.04 * max(float((high - low).max()), 1e-9)

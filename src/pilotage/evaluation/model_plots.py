@@ -30,9 +30,12 @@ WIDTH, TALLEST = 10.4, 10.0
 # The corners of a picture, and from each to the centre of projection.
 OUTLINE = (0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2)
 MOST_BINS = 12
-# Of a walk: its cameras' pyramids, of a model's, and the most stops that have a number.
-WALK_PYRAMIDS = 0.4
+# Of a walk, whose cameras stand in clusters: their lines, and the most stops that have a number.
+LINE, WALK_LINE = 0.8, 0.45
 MOST_NUMBERS = 40
+# Stops nearer to each other than this share of the figure have their numbers on different sides.
+NEAR_STOPS = 0.03
+SIDES = ((0, 7), (0, -8), (11, 0), (-11, 0))  # points, from a stop to its number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +65,7 @@ def draw_cloud(
     centres = (model.world_from_camera()[:, :3, 3] - origin) @ level.T
     limits = limits_of(points, centres)
     extent = limits[1] - limits[0]
-    least = LEAST_PYRAMID * float(extent.max()) * (1.0 if stops is None else WALK_PYRAMIDS)
-    corners = pyramid_corners(model, least_depth=least)
+    corners = pyramid_corners(model, least_depth=LEAST_PYRAMID * float(extent.max()))
     corners = (corners - origin) @ level.T
     limits = np.array(
         [np.minimum(limits[0], corners.min((0, 1))), np.maximum(limits[1], corners.max((0, 1)))]
@@ -77,14 +79,16 @@ def draw_cloud(
         shown = np.argsort(nearer, kind="stable")
         view = [0, upward]
         _draw_points(place, points[shown][:, view], model.colors[shown] / 255.0)
-        _draw_cameras(place, corners[:, :, view], is_ordered=is_ordered and stops is None)
-        if stops is not None:
-            _draw_stops(place, stops.places[:, view], stops, is_numbered=upward == 1)
+        line = LINE if stops is None else WALK_LINE
+        is_way = is_ordered and stops is None
+        _draw_cameras(place, corners[:, :, view], line=line, is_way=is_way)
         place.set(
             title=title, xlim=limits[:, 0], ylim=limits[:, upward], facecolor=GROUND,
             xlabel=f"main direction [{unit}]", ylabel=f"{name} [{unit}]",
         )  # fmt: skip
         place.set_aspect("equal", adjustable="box")
+        if stops is not None:
+            _draw_stops(place, stops.places[:, view], stops, is_numbered=upward == 1)
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper right", ncol=5)
     inside = ((points >= limits[0]) & (points <= limits[1])).all(axis=1)
@@ -98,12 +102,12 @@ def _two_views(extent: Array) -> tuple[Figure, tuple[Axes, Axes]]:
     along, across, height = (max(float(size), 1e-9) for size in extent)
     # Inches for a unit; what is taken off are titles, numbers and the legend.
     below = min((WIDTH - 1.0) / along, (TALLEST - 1.8) / (across + height))
-    beside = min((WIDTH / 2 - 0.9) / along, (TALLEST - 1.2) / max(across, height))
+    beside = min((WIDTH / 2 - 0.9) / along, (TALLEST - 1.6) / max(across, height))
     if below >= beside:
         size = (WIDTH, max(below * (across + height) + 1.8, 3.0))
         layout: dict[str, Any] = {"nrows": 2, "height_ratios": (across, height)}
     else:
-        size = (WIDTH, max(beside * max(across, height) + 1.2, 3.0))
+        size = (WIDTH, max(beside * max(across, height) + 1.6, 3.0))
         layout = {"ncols": 2}
     figure = Figure(figsize=size, dpi=DOT_DPI, layout="constrained")
     places = figure.subplots(**layout)
@@ -117,16 +121,16 @@ def _draw_points(axes: Axes, points: Array, colors: Array) -> None:
     axes.scatter(points[:, 0], points[:, 1], s=area, c=colors, linewidths=0, rasterized=True)
 
 
-def _draw_cameras(axes: Axes, corners: Array, *, is_ordered: bool) -> None:
+def _draw_cameras(axes: Axes, corners: Array, *, line: float, is_way: bool) -> None:
     """Draw (P, 5, 2) pyramids and, where pictures follow each other, the way between them."""
     from matplotlib.collections import LineCollection
 
     axes.add_collection(
         LineCollection(
-            list(corners[:, OUTLINE]), colors=RED, linewidths=0.8, label="cameras", zorder=3
+            list(corners[:, OUTLINE]), colors=RED, linewidths=line, label="cameras", zorder=3
         )
     )
-    if not is_ordered:
+    if not is_way:
         return
     centres = corners[:, 0]
     axes.plot(*centres.T, color=RED, lw=0.9, alpha=0.6, zorder=2.5)
@@ -151,9 +155,24 @@ def _draw_stops(axes: Axes, places: Array, stops: StopPath, *, is_numbered: bool
     if found:
         axes.plot(*places[found].T, "D", ms=6, mfc="white", mec=BLACK, mew=1.5, ls="",
                   label="not walked to from the stop before", zorder=5)  # fmt: skip
-    for at in range(0, len(places) if is_numbered else 0, -(-len(places) // MOST_NUMBERS)):
-        axes.annotate(str(stops.numbers[at]), places[at], (5, 4), textcoords="offset points",
-                      fontsize=8, color=BLACK, zorder=6)  # fmt: skip
+    if is_numbered:
+        _number_stops(axes, places, stops.numbers)
+
+
+def _number_stops(axes: Axes, places: Array, numbers: tuple[int, ...]) -> None:
+    """Write the numbers of (S, 2) places above them, or on the first side that is free."""
+    from matplotlib.patheffects import withStroke
+
+    chosen = range(0, len(places), -(-len(places) // MOST_NUMBERS))
+    near = NEAR_STOPS * max(abs(high - low) for low, high in (axes.get_xlim(), axes.get_ylim()))
+    side_of: dict[int, tuple[int, int]] = {}
+    for at in chosen:
+        taken = [s for i, s in side_of.items() if np.linalg.norm(places[at] - places[i]) < near]
+        side_of[at] = next((side for side in SIDES if side not in taken), SIDES[0])
+        axes.annotate(str(numbers[at]), places[at], side_of[at],
+                      textcoords="offset points", ha="center", va="center", fontsize=8,
+                      fontweight="bold", color=BLACK, zorder=6,
+                      path_effects=[withStroke(linewidth=2.5, foreground="white")])  # fmt: skip
 
 
 def draw_track_lengths(model: Model) -> str:

@@ -26,15 +26,12 @@ from pilotage.evaluation.page import (
     write_page,
 )
 from pilotage.evaluation.track_pictures import legend, track_figures
-from pilotage.evaluation.verdict import model_words
+from pilotage.evaluation.verdict import missing_lines, model_words
 from pilotage.evaluation.walk_sections import stop_path, walk_sections
 from pilotage.models import Model, read_colmap_binary
 from pilotage.pose_files import read_text
 from pilotage.recordings.pictures import natural_key
 from pilotage.results import COLMAP_BINARY, SUMMARY, WALK_PICTURES, is_results_folder
-
-# More names than this on a line tell no more; summary.json has them all.
-LISTED = 12
 
 
 def draw_report(out: Path) -> None:
@@ -54,7 +51,12 @@ def draw_report(out: Path) -> None:
 def _sections(out: Path, summary: Mapping[str, Any], model: Model | None) -> Iterable[str]:
     source, is_walk = Path(summary["source"]), "stops" in summary
     yield head(source.name, str(source), summary)
-    yield verdict_card([model_words(summary)], is_bad=summary["verdict"] != "whole")
+    said = [model_words(summary)]
+    if model is not None and summary["verdict"].startswith("unsure"):
+        said.append(f"U{summary['verdict'][1:]}.")
+    faults = [summary[key] for key in ("lens_fault", "length_fault") if key in summary]
+    said += [f"{fault[0].upper()}{fault[1:]}." for fault in faults]
+    yield verdict_card(said, is_bad=summary["verdict"] != "whole")
     missing = what_is_missing(summary["verdict"]) if is_walk else None
     yield warnings_card(
         missing_lines(summary["without_pose"]) if missing is None else missing,
@@ -80,16 +82,6 @@ def _sections(out: Path, summary: Mapping[str, Any], model: Model | None) -> Ite
         if summary["without_pose"]:
             yield "<p class='made'>Shaded: pictures without a pose.</p>"
     yield appendix(out)
-
-
-def missing_lines(without_pose: Mapping[str, str]) -> list[str]:
-    """Return a line for each reason: which pictures have no pose for it, and what helps."""
-    lines = []
-    for reason in dict.fromkeys(without_pose.values()):
-        names = [name for name, said in without_pose.items() if said == reason]
-        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-        lines.append(f"{', '.join(names[:LISTED])}{more}: {reason}")
-    return lines
 
 
 def what_is_missing(verdict: str) -> list[str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a model with a dot where each of its points was seen, coloured by the track."""
+"""Pictures of a model with its tracks: dots, and lines to where another has them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pilotage.evaluation.plots import BLUE, GREEN, RED, YELLOW
 from pilotage.evaluation.poses import Array
@@ -36,7 +37,7 @@ def track_figures(model: Model, order: Iterable[int], folder: Path) -> Iterable[
     `order` has their indices in the model. A picture that `folder` holds no more is left out.
     """
     lengths = np.bincount(model.point, minlength=len(model.points_in_world))
-    for i in spread(list(order)):
+    for i in spread(list(order), np.bincount(model.picture, minlength=len(model.names))):
         name = model.names[i]
         try:
             picture = read_color(folder / name)
@@ -45,32 +46,59 @@ def track_figures(model: Model, order: Iterable[int], folder: Path) -> Iterable[
         if picture.shape[:2] != (model.camera_of(i).height_px, model.camera_of(i).width_px):
             continue
         rows = model.picture == i
-        dots = _dots(model.pixel_px[rows], lengths[model.point[rows]], picture)
+        kin = _nearest_kin(model, i)
+        ahead = _pixels(model, kin)[model.point[rows]]
+        dots = _dots(model.pixel_px[rows], ahead, lengths[model.point[rows]], picture)
         said = f"{escape(name)}: {np.count_nonzero(rows)} points"
+        said += "" if kin is None else f", lines to {escape(model.names[kin])}"
         yield (
             f"<figure class='card' role='img' aria-label='tracks in {escape(name)}'>{dots}"
             f"<figcaption class='caption'>{said}</figcaption></figure>"
         )
 
 
-def spread(indices: list[int]) -> list[int]:
-    """Return up to COUNT of the indices, evenly, the first and the last among them."""
-    places = np.linspace(0, len(indices) - 1, min(COUNT, len(indices))).round().astype(int)
-    return [indices[place] for place in places.tolist()]
+def spread(indices: list[int], counts: NDArray[Any]) -> list[int]:
+    """Return the index that has the largest of `counts` in each of up to COUNT even stretches."""
+    stretches = np.array_split(np.array(indices, dtype=int), max(1, min(COUNT, len(indices))))
+    return [int(one[counts[one].argmax()]) for one in stretches if len(one)]
+
+
+def _nearest_kin(model: Model, picture: int) -> int | None:
+    """Return the other picture of that camera that shows most of its points; None without any."""
+    shown = np.zeros(len(model.points_in_world), bool)
+    shown[model.point[model.picture == picture]] = True
+    shared = np.bincount(model.picture[shown[model.point]], minlength=len(model.names))
+    shared[model.camera_index != model.camera_index[picture]] = 0
+    shared[picture] = 0
+    best = int(shared.argmax())
+    return best if shared[best] else None
+
+
+def _pixels(model: Model, picture: int | None) -> Array:
+    """Return (N, 2) where a picture shows each point of the model, NaN where it does not."""
+    found = np.full((len(model.points_in_world), 2), np.nan)
+    rows = model.picture == picture
+    found[model.point[rows]] = model.pixel_px[rows]
+    return found
 
 
 def legend() -> str:
     """Return the line that tells what the colours of the dots mean."""
     marks = " &emsp; ".join(
-        f"<svg viewBox='-1 -1 2 2' style='display:inline;width:10px;vertical-align:baseline'>"
-        f"<circle r='1' fill='{colour}'/></svg> {said}"
+        "<span style='white-space:nowrap'>"
+        "<svg viewBox='-1 -1 2 2' style='display:inline;width:10px;vertical-align:baseline'>"
+        f"<circle r='1' fill='{colour}'/></svg> {said}</span>"
         for _, colour, said in CLASSES
     )
-    return f"<p class='made'>Each dot is a point of the model, seen in &emsp; {marks}</p>"
+    return (
+        "<p class='made'>Each dot is a point of the model; a line leads to where it is in the"
+        f" picture that shows most of the same. Seen in &emsp; {marks}</p>"
+    )
 
 
-def _dots(pixel_px: Array, lengths: Array, picture: Any) -> str:
-    """Return SVG text: the picture, made small, with a dot at each of (K, 2) pixels."""
+def _dots(pixel_px: Array, ahead_px: Array, lengths: Array, picture: Any) -> str:
+    """Return SVG text: the picture, made small, with a dot at each of (K, 2) pixels and a line from
+    it to (K, 2) where the other picture shows it."""
     height, width = picture.shape[:2]
     scale = min(1.0, WIDTH_PX / width)
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
@@ -78,10 +106,14 @@ def _dots(pixel_px: Array, lengths: Array, picture: Any) -> str:
     quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     _, data = cv2.imencode(".jpg", np.ascontiguousarray(small[..., ::-1]), quality)
     # SVG counts from the corner of the first pixel.
-    places = (pixel_px + 0.5) * (np.array(size) / (width, height))
+    places, ahead = ((px + 0.5) * (np.array(size) / (width, height)) for px in (pixel_px, ahead_px))
     kinds = np.searchsorted([least for least, _, _ in CLASSES], lengths, side="right") - 1
     kinds = np.maximum(kinds, 0)
     paths = "".join(
+        _lines(places[kinds == kind], ahead[kinds == kind], colour)
+        for kind, (_, colour, _) in enumerate(CLASSES)
+    )
+    paths += "".join(
         _path(places[kinds == kind], colour) for kind, (_, colour, _) in enumerate(CLASSES)
     )
     return (
@@ -89,6 +121,16 @@ def _dots(pixel_px: Array, lengths: Array, picture: Any) -> str:
         f"href='data:image/jpeg;base64,{base64.b64encode(data.tobytes()).decode()}'/>"
         f"{paths}</svg>"
     )
+
+
+def _lines(places: Array, ahead: Array, colour: str) -> str:
+    """Return a line from each place to the other one, where that is known."""
+    ends = np.hstack([places, ahead])[np.isfinite(ahead).all(axis=1)]
+    if not len(ends):
+        return ""
+    line = "".join(f"M{x:.1f} {y:.1f}L{u:.1f} {v:.1f}" for x, y, u, v in ends.tolist())
+    style = "style='fill:none'"
+    return f"<path d='{line}' {style} stroke='{colour}' stroke-opacity='.7' stroke-width='1'/>"
 
 
 def _path(places: Array, colour: str) -> str:

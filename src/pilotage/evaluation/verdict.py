@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from pilotage.evaluation.metrics import Metrics
 
 
+# More names than this on a line tell no more; summary.json has them all.
+LISTED = 12
+
+
 def model_words(summary: Mapping[str, Any]) -> str:
     """Return one line on how much of a folder of pictures became a model."""
     if not summary["posed"]:
@@ -41,7 +45,8 @@ def _walk_words(summary: Mapping[str, Any]) -> str:
     words = (
         f"{summary['stops_placed']} of {summary['stops']} stops placed"
         f" ({summary['posed']} pictures, {summary['points']} points), lengths known to"
-        f" {100 * lengths['sigma']:.1f} %, {summary['wall_s']:.1f} s"
+        f" {100 * lengths['sigma']:.1f} %, {sum(summary['set_aside'])} features set aside that"
+        f" contradict the room, {summary['wall_s']:.1f} s"
     )
     if truth is not None:
         words += (
@@ -49,6 +54,16 @@ def _walk_words(summary: Mapping[str, Any]) -> str:
             f" {truth['home_deg']:.2f} degrees, largest {1e3 * truth['largest_m']:.1f} mm"
         )
     return words
+
+
+def missing_lines(without_pose: Mapping[str, str]) -> list[str]:
+    """Return a line for each reason: which pictures have no pose for it, and what helps."""
+    lines = []
+    for reason in dict.fromkeys(without_pose.values()):
+        names = [name for name, said in without_pose.items() if said == reason]
+        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+        lines.append(f"{', '.join(names[:LISTED])}{more}: {reason}")
+    return lines
 
 
 def tracking_words(summary: Mapping[str, Any]) -> str:

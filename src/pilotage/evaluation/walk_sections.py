@@ -63,7 +63,7 @@ def _rows(out: Path) -> list[dict[str, str]]:
 def _stop_table(out: Path) -> str:
     rows = _rows(out)
     heads = (
-        *("stop", "", "x [m]", "y [m]", "turned [\N{DEGREE SIGN}]", "standard error [mm]"),
+        *("stop", "fate", "x [m]", "y [m]", "turned [\N{DEGREE SIGN}]", "standard error [mm]"),
         *("seen again", "set aside"),
     )
     first = next((row["stop"] for row in rows if row["x_m"]), None)
@@ -126,5 +126,6 @@ def _table(heads: Iterable[str], rows: Iterable[Iterable[str]], *, text: int) ->
         return "".join(f"<{tag}{kind}>{escape(cell)}</{tag}>" for cell, kind in each)
 
     body = "".join(f"<tr>{line(row, 'td')}</tr>" for row in rows)
-    head = line(heads, "th")
-    return f"<div class='card'><table><thead><tr>{head}</tr></thead>{body}</table></div>"
+    named = [*heads]
+    head = f"<thead><tr>{line(named, 'th')}</tr></thead>" if any(named) else ""
+    return f"<div class='card'><table>{head}{body}</table></div>"

@@ -11,13 +11,21 @@ from pilotage.models.model import Model
 from pilotage.pose_files import PoseRecord, tum_line
 
 
-def write_tum(path: Path, model: Model, timestamps_ns: Sequence[int]) -> None:
+def write_tum(
+    path: Path, model: Model, timestamps_ns: Sequence[int], *, camera: int | None = None
+) -> None:
     """Write `world_from_camera` of each registered picture in TUM's format, in order of time.
 
-    `timestamps_ns` has one for each of `model.names`; ValueError otherwise. RunError when the file
-    cannot be written.
+    `timestamps_ns` has one for each of `model.names`; ValueError otherwise. Of a `camera`, an index
+    into `model.cameras`, its pictures alone. RunError when the file cannot be written.
     """
-    rows = zip(timestamps_ns, model.camera_from_world, strict=True)
+    rows = [
+        (timestamp_ns, pose)
+        for timestamp_ns, pose, taken_by in zip(
+            timestamps_ns, model.camera_from_world, model.camera_index.tolist(), strict=True
+        )
+        if camera in {None, taken_by}
+    ]
     lines = []
     for i, (timestamp_ns, camera_from_world) in enumerate(sorted(rows, key=lambda row: row[0])):
         pose = camera_from_world.inverse()
