@@ -4,8 +4,9 @@
     python benchmarks/reconstruction.py [--sets kitti_a office_walk] [--systems pilotage colmap]
     python benchmarks/reconstruction.py --sets kitti_a --shuffle 1 --out rows.jsonl
 
-Both get the same files, two threads, each in a process of its own, and the same calibration, which
-is held without --lens-sigma. The centres of the cameras are laid onto the truth by a similarity.
+Both get the same files, two threads, each in a process of its own, and the same calibration.
+COLMAP holds it unless --lens-sigma is above 0; Pilotage does as for its users, and holds it with
+--lens-sigma 0. The centres of the cameras are laid onto the truth by a similarity.
 With --shuffle the pictures are given once more, copied under random names in random order, and the
 poses of both runs compared. Runs that --out holds already are not done again. Real sets are looked
 for in $PILOTAGE_DATA.
@@ -201,7 +202,7 @@ def _cell(row: dict[str, Any], key: str) -> str:
 
 def key_of(row: dict[str, Any]) -> tuple[Any, ...]:
     """Return what tells runs apart."""
-    return row["set"], row["system"], row["shuffle"], row["threads"], row.get("lens_sigma", 0)
+    return row["set"], row["system"], row["shuffle"], row["threads"], row.get("lens_sigma")
 
 
 def read_rows(out: Path | None) -> list[dict[str, Any]]:
@@ -216,23 +217,25 @@ def read_rows(out: Path | None) -> list[dict[str, Any]]:
 
 
 def measure(
-    pictures: PictureSet, system: str, *, shuffle: int | None, threads: int, lens_sigma: float
+    pictures: PictureSet,
+    system: str,
+    *,
+    shuffle: int | None,
+    threads: int,
+    lens_sigma: float | None = None,
 ) -> dict[str, Any]:
     """Run one system on a set, shuffled or not, and judge it."""
     is_ordered = pictures.is_ordered and shuffle is None
     matches_all = not is_ordered or len(pictures.pictures) <= MANY
-    options = {
-        "is_ordered": is_ordered, "matches_all": matches_all, "threads": threads,
-        "lens_sigma": lens_sigma,
-    }  # fmt: skip
+    free = {"threads": threads, "lens_sigma": lens_sigma}
+    options = {"is_ordered": is_ordered, "matches_all": matches_all, **free}
     with tempfile.TemporaryDirectory(prefix="pilotage-shuffle-") as folder:
         files = list(pictures.pictures)
         if shuffle is not None:
             files = shuffled_files(files, shuffle, Path(folder))
         row = run_in_child(pictures, files, system, options)
-    head = {"set": pictures.name, "system": system, "shuffle": shuffle, "threads": threads}
-    head["lens_sigma"] = lens_sigma
-    return judged({**head, **row}, pictures)
+    head = {"set": pictures.name, "system": system, "shuffle": shuffle}
+    return judged({**head, **free, **row}, pictures)
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -246,8 +249,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--every", type=int, default=1, help="take each n-th picture only")
     parser.add_argument("--shuffle", type=int, metavar="SEED", help="give them shuffled as well")
     parser.add_argument("--threads", type=int, default=2)
-    told = "above 0 both may improve the calibration; Pilotage by so large a part, about"
-    parser.add_argument("--lens-sigma", type=float, default=0.0, help=told)
+    parser.add_argument("--lens-sigma", type=float, help="0: both hold the calibration; see above")
     parser.add_argument("--out", type=Path, help="JSON lines, one a run; what they hold is kept")
     parser.add_argument(
         "--cache",
@@ -275,10 +277,8 @@ def main() -> int:
                 key = (pictures.name, system, shuffle, arguments.threads, arguments.lens_sigma)
                 if key not in done:
                     print(f"{key[0]}, {system}, shuffle {shuffle}", file=sys.stderr, flush=True)
-                    row = measure(
-                        pictures, system, shuffle=shuffle, threads=arguments.threads,
-                        lens_sigma=arguments.lens_sigma,
-                    )  # fmt: skip
+                    free = {"threads": arguments.threads, "lens_sigma": arguments.lens_sigma}
+                    row = measure(pictures, system, shuffle=shuffle, **free)
                     if "missing" in row:
                         print(f"missing: {row['missing']}", file=sys.stderr)
                         break

@@ -33,8 +33,15 @@ class Options:
     is_ordered: bool  # neighbours in the list were taken one after the other
     matches_all: bool  # every picture is compared with every other
     threads: int
-    lens_sigma: float = 0  # above 0 the calibration may be improved: by COLMAP freely
+    # 0: the calibration is held; more: it may be improved, by COLMAP freely; None: Pilotage does as
+    # it does for its users, COLMAP holds it.
+    lens_sigma: float | None = None
     seed: int = 0
+
+    @property
+    def frees_colmap(self) -> bool:
+        """Tell whether COLMAP may improve the calibration."""
+        return bool(self.lens_sigma)
 
 
 class MissingSystemError(Exception):
@@ -50,8 +57,10 @@ System = Callable[[Sequence[Path], Camera, Options, Path], Found]
 
 def run_ours(pictures: Sequence[Path], camera: Camera, options: Options, _: Path) -> Found:
     """Return what Pilotage makes of the pictures."""
-    config = ReconstructionConfig.from_dict({"lens_sigma": options.lens_sigma})
-    said = _ours()(pictures, camera=camera, ordered=options.is_ordered, config=config)
+    given: dict[str, Any] = {}
+    if options.lens_sigma is not None:
+        given["config"] = ReconstructionConfig.from_dict({"lens_sigma": options.lens_sigma})
+    said = _ours()(pictures, camera=camera, ordered=options.is_ordered, **given)
     if isinstance(said, Model):
         return lambda: (said, "")
     return lambda: (said.model, str(getattr(said, "reason", "")))
@@ -71,7 +80,7 @@ def run_colmap(pictures: Sequence[Path], camera: Camera, options: Options, scrat
     database, folder = _matched(pictures, camera, options, scratch)
     pipeline = pycolmap.IncrementalPipelineOptions()
     pipeline.num_threads, pipeline.random_seed = options.threads, options.seed
-    is_refined = options.lens_sigma > 0
+    is_refined = options.frees_colmap
     pipeline.ba_refine_focal_length = is_refined
     pipeline.ba_refine_principal_point = False
     pipeline.ba_refine_extra_params = is_refined
@@ -90,9 +99,9 @@ def run_colmap_global(
     pipeline = pycolmap.GlobalPipelineOptions()
     pipeline.num_threads, pipeline.random_seed = options.threads, options.seed
     adjustment = pipeline.mapper.bundle_adjustment
-    adjustment.refine_focal_length = options.lens_sigma > 0
+    adjustment.refine_focal_length = options.frees_colmap
     adjustment.refine_principal_point = False
-    adjustment.refine_extra_params = options.lens_sigma > 0
+    adjustment.refine_extra_params = options.frees_colmap
     models = pycolmap.global_mapping(database, folder, scratch, pipeline)
     return lambda: _largest(models, scratch)
 
@@ -114,7 +123,7 @@ def _matched(
     pycolmap.set_random_seed(options.seed)
     database, folder = scratch / "database.db", pictures[0].parent
     reader, extraction = pycolmap.ImageReaderOptions(), pycolmap.FeatureExtractionOptions()
-    reader.camera_model, parameters = _colmap_camera(camera, is_refined=options.lens_sigma > 0)
+    reader.camera_model, parameters = _colmap_camera(camera, is_refined=options.frees_colmap)
     reader.camera_params = ",".join(repr(value) for value in parameters)
     extraction.num_threads = options.threads
     pycolmap.extract_features(

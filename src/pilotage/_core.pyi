@@ -1564,7 +1564,7 @@ class ReconstructionConfig:
     @property
     def lens_sigma(self) -> object:
         """
-        standard error of a calibration: part by which pixels are too far from the centre; 0: it is right, more: a better focal length and radial distortion are looked for
+        standard error of the calibration of pictures without distortion, as a part of pixels' distances from the centre: a radial distortion that was left is looked for, and taken from 1 px in the corners on; 0: there is none
         """
 
     @property
