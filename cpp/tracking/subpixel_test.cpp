@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tracking/subpixel.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <boost/test/unit_test.hpp>
 #include <cmath>
