@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from sweep_pictures import SweepingNao, TrueView, sweep_goals, things_at
+from sweep_pictures import SweepingNao, TrueView, sweep_goals, things_at, true_depths
 from tables import markdown_table, number
 
 from pilotage.behaviors.depth import Depth, measure_depth
@@ -35,7 +35,6 @@ BANDS_M = ((0.5, 1.5), (1.5, 2.5), (2.5, 4.0))
 AT_TWO_METRES = BANDS_M[1]
 FEWEST = 10  # points in a band, for its median to count
 GOAL_ERROR, GOAL_S = 0.02, 0.3
-EDGE = 1.1  # depths around a pixel on no edge differ by less than this factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,21 +95,6 @@ def run_of(room: str, first: TrueView, second: TrueView) -> Run:
         wall_s, cpu_s = time.perf_counter() - wall, time.process_time() - cpu
     true_m, is_known = true_depths(first, depth.pixels)
     return Run(room, first.view.camera, depth, true_m, is_known, wall_s, cpu_s)
-
-
-def true_depths(view: TrueView, pixels: Array) -> tuple[Array, Array]:
-    """Return true depths (N,) along z under pixels (N, 2), and which are on no edge."""
-    if not len(pixels):
-        return np.empty(0), np.empty(0, bool)
-    x, y = np.rint(pixels).astype(int).T
-    height, width = view.depth_m.shape
-    reach = range(-2, 3)
-    around = np.stack([
-        view.depth_m[(y + dy).clip(0, height - 1), (x + dx).clip(0, width - 1)]
-        for dy in reach for dx in reach
-    ])  # fmt: skip
-    is_known = (around.min(axis=0) > 0) & (around.max(axis=0) < EDGE * around.min(axis=0))
-    return view.depth_m[y, x].astype(np.float64), is_known
 
 
 def medians(runs: list[Run], band_m: tuple[float, float]) -> list[float]:

@@ -166,13 +166,18 @@ def sweep_goals(*, from_left: bool, pitch_deg: float = 0.0) -> list[HeadAngles]:
     return [HeadAngles(math.radians(yaw), math.radians(pitch_deg)) for yaw in yaws_deg]
 
 
-def true_points(true: TrueView, of_view: Features) -> tuple[Array, Array]:
-    """Return the world's points (N, 3) that features show, and which of them lie on no edge."""
-    x, y = np.rint(of_view.pixels).astype(int).T
+def true_depths(true: TrueView, pixels: Array) -> tuple[Array, Array]:
+    """Return depths along z (N,) that pixels (N, 2) show, and which of them lie on no edge."""
+    x, y = np.rint(pixels).astype(int).T
     height, width = true.depth_m.shape
     x, y = x.clip(2, width - 3), y.clip(2, height - 3)
     around = np.stack([true.depth_m[y + dy, x + dx] for dy in range(-2, 3) for dx in range(-2, 3)])
     known = (around.min(axis=0) > 0) & (around.max(axis=0) < 1.1 * around.min(axis=0))
-    depth_m = true.depth_m[y, x].astype(np.float64)
+    return true.depth_m[y, x].astype(np.float64), known
+
+
+def true_points(true: TrueView, of_view: Features) -> tuple[Array, Array]:
+    """Return the world's points (N, 3) that features show, and which of them lie on no edge."""
+    depth_m, known = true_depths(true, of_view.pixels)
     rays = of_view.rays / of_view.rays[:, 2:]
     return true.world_from_camera @ np.ascontiguousarray(rays * depth_m[:, None]), known
