@@ -158,6 +158,34 @@ BOOST_AUTO_TEST_CASE(weak_points_and_frames_do_no_harm) {
   }
 }
 
+BOOST_AUTO_TEST_CASE(a_point_that_would_pass_a_camera_does_not_hold_the_others) {
+  SceneSettings settings;
+  settings.noise_px = 0.3;
+  settings.disturbance = 0.02;
+  for (settings.seed = 1; settings.seed < 6; ++settings.seed) {
+    Scene plain = make_scene(settings);
+    Scene scene = plain;
+    BundleProblem& problem = scene.problem;
+    adjust_bundle(plain.problem, precise(RobustLoss::huber));
+    // Seen to the right by frame 3 and, wrongly, left of where frame 2 sees frame 3.
+    const Transform& near = problem.world_from_left[3];
+    const Transform& back = problem.world_from_left[2];
+    const Eigen::Vector2d seen_near(900, 180);
+    const Eigen::Vector2d epipole = problem.stereo.project_left(back.inverse() * near.translation);
+    const int point = static_cast<int>(problem.points_in_world.size());
+    problem.points_in_world.push_back(near * (0.004 * problem.stereo.ray(seen_near)));
+    const auto observe = [&](int frame, const Eigen::Vector2d& px) {
+      const Eigen::Vector2f at = px.cast<float>();
+      problem.observations.push_back({frame, point, at.x(), at.y(), std::nanf(""), 0.3f, 0.3f});
+    };
+    observe(2, epipole - Eigen::Vector2d(20, 0));
+    observe(3, seen_near);
+    adjust_bundle(problem, precise(RobustLoss::huber));
+    BOOST_TEST(all_finite(problem));
+    BOOST_TEST(position_error_m(scene) < position_error_m(plain) + 2e-3);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(free_gauge_stays_near_its_start) {
   SceneSettings settings;
   settings.disturbance = 0.02;

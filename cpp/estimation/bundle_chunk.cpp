@@ -85,6 +85,38 @@ PILOTAGE_INLINE void move_point(const CameraPose& pose, const CameraPose& moved_
   }
 }
 
+/// The point keeps its place in the axes of a camera that moves.
+PILOTAGE_INLINE void carry_point(const CameraPose& pose, const CameraPose& moved_pose,
+                                 const double* point, double* moved) {
+  double w[3], p[3];
+  for (int i = 0; i < 3; ++i) w[i] = point[i] - pose.center[i];
+  for (int i = 0; i < 3; ++i) {
+    const double* row = pose.left_from_world + 3 * i;
+    p[i] = row[0] * w[0] + row[1] * w[1] + row[2] * w[2];
+  }
+  const double* r = moved_pose.left_from_world;
+  for (int i = 0; i < 3; ++i) {
+    moved[i] = moved_pose.center[i] + r[i] * p[0] + r[3 + i] * p[1] + r[6 + i] * p[2];
+  }
+}
+
+PILOTAGE_INLINE bool is_before(const CameraPose& pose, const double* point) {
+  const double* axis = pose.left_from_world + 6;
+  double depth = 0;
+  for (int i = 0; i < 3; ++i) depth += axis[i] * (point[i] - pose.center[i]);
+  return depth > kMinimumDepthM;
+}
+
+/// The camera that sees a point and that its move would pass; -1 if none.
+PILOTAGE_INLINE int passed_camera(const ChunkTask& task, int p, const CameraPose* moved_poses,
+                                  const double* moved) {
+  for (int o = task.point_start[p]; o < task.point_start[p + 1]; ++o) {
+    const int frame = task.observations[o].frame;
+    if (task.weights[o] > 0 && !is_before(moved_poses[frame], moved)) return frame;
+  }
+  return -1;
+}
+
 }  // namespace
 
 PILOTAGE_KERNEL void linearize_chunk(const ChunkTask& task, ChunkWorkspace& work) {
@@ -160,6 +192,10 @@ PILOTAGE_KERNEL void substitute_chunk(const ChunkTask& task, const CameraPose* m
     equations.solve(task.damping, step);
     move_point(task.poses[reference], moved_poses[reference], frame_step[reference].data(), point,
                step, moved_points[p].data());
+    // One point that slides into a camera's centre would veto every step of all others.
+    const int passed = passed_camera(task, p, moved_poses, moved_points[p].data());
+    if (passed < 0) continue;
+    carry_point(task.poses[passed], moved_poses[passed], point, moved_points[p].data());
   }
 }
 
