@@ -90,9 +90,13 @@ void bind_result(nb::module_& m) {
           "(M,) distance of each observation from its point, in the ideal camera.")
       .def_ro("rms_px", &Reconstruction::rms_px, "Of the residuals in x and y.")
       .def_ro("focal_px", &Reconstruction::focal_px,
-              "Of the first camera; a better one than given if config.focal_sigma > 0.")
+              "Of the first camera; a better one than given where config.focal_sigma > 0, or a "
+              "distortion was left in the calibration.")
       .def_ro("radial", &Reconstruction::radial,
-              "First coefficient of Brown's distortion that was left, if config.lens_sigma > 0.")
+              "First coefficient of Brown's distortion that the calibration left; 0 where none was "
+              "found.")
+      .def_ro("corner_shift_px", &Reconstruction::corner_shift_px,
+              "By how much `radial` moves the pictures' farthest corner.")
       .def_ro("focal_sigma_px", &Reconstruction::focal_sigma_px,
               "Its standard error, 0 if it was not looked for.")
       .def_ro("feature_count", &Reconstruction::feature_count)

@@ -9,11 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from pilotage import RectifiedStereo, Transform
-
-_core = pytest.importorskip("pilotage._core")
-if not hasattr(_core, "adjust_bundle"):
-    pytest.skip("the extension has no adjust_bundle", allow_module_level=True)
+from pilotage import RectifiedStereo, Transform, _core
 
 Array = NDArray[np.float64]
 STEREO = RectifiedStereo(

@@ -77,12 +77,15 @@ void refine_lens(Scene& scene, const ReconstructionConfig& config, double corner
     if (std::abs(next - now) < settled) break;
     now = next;
   }
-  const double shift_px = std::abs(scene.radial()) * std::pow(corner, 3) * scene.given_focal_px();
-  if (shift_px < least_shift_px || std::abs(scene.radial()) >= largest_radial) {
+  if (lens_shift_px(scene, corner) < least_shift_px || std::abs(scene.radial()) >= largest_radial) {
     scene = held;
     return;
   }
   adjust_all(scene, config, final_rounds);
+}
+
+double lens_shift_px(const Scene& scene, double corner) {
+  return std::abs(scene.radial()) * std::pow(corner, 3) * scene.given_focal_px();
 }
 
 }  // namespace pilotage

@@ -15,4 +15,7 @@ namespace pilotage {
 /// all poses and points are adjusted with it; else the scene stays as it is.
 void refine_lens(Scene& scene, const ReconstructionConfig& config, double corner);
 
+/// By how much a scene's radial distortion moves what is `corner` focal lengths from the middle.
+double lens_shift_px(const Scene& scene, double corner);
+
 }  // namespace pilotage

@@ -188,7 +188,10 @@ Reconstruction reconstruct(std::span<const ImageView> pictures, std::span<const 
       }
     }
     set_world(model, by_content);
-    return report(model, described, pairs, by_content, pictures, {grown.strange, grown.is_bent});
+    Reconstruction result =
+        report(model, described, pairs, by_content, pictures, {grown.strange, grown.is_bent});
+    if (model.radial() != 0) result.corner_shift_px = lens_shift_px(model, corner_of(cameras[0]));
+    return result;
   }
 }
 

@@ -50,6 +50,7 @@ struct Reconstruction {
   double focal_sigma_px = 0;     ///< its standard error; 0 if it is the one given
   /// First coefficient of the distortion left (Brown), with `focal_px`; 0 if none was found.
   double radial = 0;
+  double corner_shift_px = 0;  ///< by how much that moves the pictures' farthest corner
   int feature_count = 0, pair_count = 0, track_count = 0;
 };
 

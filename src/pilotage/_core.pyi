@@ -1684,14 +1684,18 @@ class Reconstruction:
     @property
     def focal_px(self) -> float:
         """
-        Of the first camera; a better one than given if config.focal_sigma > 0.
+        Of the first camera; a better one than given where config.focal_sigma > 0, or a distortion was left in the calibration.
         """
 
     @property
     def radial(self) -> float:
         """
-        First coefficient of Brown's distortion that was left, if config.lens_sigma > 0.
+        First coefficient of Brown's distortion that the calibration left; 0 where none was found.
         """
+
+    @property
+    def corner_shift_px(self) -> float:
+        """By how much `radial` moves the pictures' farthest corner."""
 
     @property
     def focal_sigma_px(self) -> float:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -98,3 +99,9 @@ def reason_remedy(key: str) -> str:
     """Return the remedy for `key`; empty where it is not in the list."""
     reason = REASONS.get(key)
     return reason.remedy if reason else ""
+
+
+def some_names(names: Sequence[str], most: int) -> str:
+    """Return names for a sentence, of which many are cut to the first `most`."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"

@@ -179,19 +179,12 @@ def _focal_summary(found: Reconstructed) -> dict[str, Any]:
     }
     if result.radial != 0:
         told["lens_fault"] = (
-            f"the pictures are bent by {_corner_shift_px(found.camera):.1f} px in their corners,"
+            f"the pictures are bent by {result.corner_shift_px:.1f} px in their corners,"
             f" which their calibration does not know: taken with a focal length of"
             f" {result.focal_px:.1f} px and a radial distortion of {result.radial:.4f}; calibrate"
             " anew, or hold what was given with --set lens_sigma=0"
         )
     return told
-
-
-def _corner_shift_px(camera: Camera) -> float:
-    """Return by how much its radial distortion moves the farthest corner of the pictures."""
-    x = max(camera.cx_px, camera.width_px - 1 - camera.cx_px) / camera.fx_px
-    y = max(camera.cy_px, camera.height_px - 1 - camera.cy_px) / camera.fy_px
-    return float(abs(camera.coefficients[0]) * math.hypot(x, y) ** 3 * camera.fx_px)
 
 
 def _summary(pictures: Path, found: Reconstructed, *, ordered: bool) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from pilotage.behaviors.disjoint_views import disjoint_views
 from pilotage.behaviors.picture_detail import has_detail
 from pilotage.errors import InputError
 from pilotage.models import Model
+from pilotage.reasons import some_names
 from pilotage.recordings.pictures import PictureError, read_grey
 
 if TYPE_CHECKING:
@@ -87,10 +88,9 @@ def shape_fault(found: Reconstructed) -> str | None:
         )
     if found.disjoint:
         return (
-            f"{len(found.disjoint)} of {count} pictures ({', '.join(found.disjoint[:LISTED])}"
-            f"{', ...' if len(found.disjoint) > LISTED else ''}) show hardly anything of what"
-            " others show from beside them: mirrored, or of another thing that looks alike;"
-            " reconstruct them by themselves"
+            f"{len(found.disjoint)} of {count} pictures ({some_names(found.disjoint, LISTED)})"
+            " show hardly anything of what others show from beside them: mirrored, or of another"
+            " thing that looks alike; reconstruct them by themselves"
         )
     return None
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from pilotage.reasons import reason_remedy, reason_words
+from pilotage.reasons import reason_remedy, reason_words, some_names
 
 if TYPE_CHECKING:
     from pilotage.evaluation.evaluate import Comparison
@@ -61,8 +61,7 @@ def missing_lines(without_pose: Mapping[str, str]) -> list[str]:
     lines = []
     for reason in dict.fromkeys(without_pose.values()):
         names = [name for name, said in without_pose.items() if said == reason]
-        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
-        lines.append(f"{', '.join(names[:LISTED])}{more}: {reason}")
+        lines.append(f"{some_names(names, LISTED)}: {reason}")
     return lines
 
 
