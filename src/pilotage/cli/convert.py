@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pilotage.cli import options
-from pilotage.cli.errors import errors_to_exit, say_warning, stop_on_terminate
+from pilotage.cli.errors import errors_to_exit, place_to_write, say_warning, stop_on_terminate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -54,7 +54,7 @@ def convert(  # noqa: PLR0913, PLR0917, an argument for each option
         ) -> Iterable[StereoFrame | BadFrame]:
             return _watched(frames, opened.name, len(opened))
 
-        with stop_on_terminate():
+        with stop_on_terminate(), place_to_write():
             done = write(opened, out, to.value, watch=watch, pair=pair or FRONT)
         for bad in done.skipped[:SKIPPED_SHOWN]:
             say_warning(f"pair {bad.index} left out: {bad.reason}")

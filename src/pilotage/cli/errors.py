@@ -3,14 +3,21 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import typer
 
+if TYPE_CHECKING:
+    from pilotage.errors import RunError
+
 FAILED = 1
 MISUSED = 2
+# No room is left on the disk, for this user, or in a file.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
@@ -33,6 +40,24 @@ def errors_to_exit(*, debug: bool) -> Iterator[None]:
             raise
         kind = type(error).__name__
         fail(f"a fault of the program, {kind}: {error} (--debug shows where)", FAILED)
+
+
+def is_full_disk(error: RunError) -> bool:
+    """Tell whether a run failed for want of place to write to."""
+    return isinstance(error.__cause__, OSError) and error.__cause__.errno in FULL
+
+
+@contextmanager
+def place_to_write() -> Iterator[None]:
+    """Ask for another place where a disk is full: of what is made as a whole nothing is left."""
+    from pilotage.errors import InputError, RunError
+
+    try:
+        yield
+    except RunError as error:
+        if is_full_disk(error):
+            raise InputError(f"{error}; choose another place with -o") from error
+        raise
 
 
 @contextmanager

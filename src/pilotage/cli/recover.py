@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pilotage.cli import options
-from pilotage.cli.errors import errors_to_exit, say_warning
+from pilotage.cli.errors import errors_to_exit, place_to_write, say_warning
 
 if TYPE_CHECKING:
     from pilotage.recordings.mcap_recover import Recovery
@@ -39,7 +39,9 @@ def recover(
     with errors_to_exit(debug=debug):
         from pilotage.recordings.mcap_recover import recover as repair
 
-        _say(repair(file, out), file)
+        with place_to_write():
+            recovery = repair(file, out)
+        _say(recovery, file)
 
 
 def _say(recovery: Recovery, file: Path) -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import errno
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ from pilotage.cli.errors import (
     FAILED,
     errors_to_exit,
     fail,
+    is_full_disk,
     say_warning,
     stop_on_terminate,
 )
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 RECORDING = "recording.mcap"
 YARD = "yard"
-# No room is left on the disk, for this user, or in a file.
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 ROVER_OPTIONS, NAO_OPTIONS = "Of the rover", "Of the Nao"
 
 
@@ -167,8 +165,7 @@ def _kept_when_interrupted(file: Path) -> Iterator[None]:
     except KeyboardInterrupt:
         fail("interrupted" + (f"; {recover}" if part.exists() else ""), FAILED)
     except RunError as error:
-        cause = error.__cause__
-        if isinstance(cause, OSError) and cause.errno in FULL:
+        if is_full_disk(error):
             raise InputError(f"{error}; choose another place with -o, or {recover}") from error
         raise
     finally:
