@@ -95,7 +95,8 @@ struct BundleResult {
 /// Schur-complement Levenberg-Marquardt (Triggs et al. 2000): points are eliminated one by one, the
 /// reduced camera system is sparse (block profile Cholesky), so cost grows linearly with the length
 /// of a path. The result has the same bits for any number of threads. Unknowns that nothing
-/// determines stay where they are. Throws std::invalid_argument when the problem contradicts
+/// determines stay where they are; a point whose step would pass a camera that sees it goes along
+/// with that camera. Throws std::invalid_argument when the problem contradicts
 /// itself.
 BundleResult adjust_bundle(BundleProblem& problem, const BundleOptions& options);
 
