@@ -58,6 +58,23 @@ PILOTAGE_INLINE void eliminate_point(const PointRows& sum, double damping, int c
   }
 }
 
+/// A direction of the world in a camera's axes.
+PILOTAGE_INLINE void turn_to_camera(const CameraPose& pose, const double* v, double* in_camera) {
+  for (int i = 0; i < 3; ++i) {
+    const double* row = pose.left_from_world + 3 * i;
+    in_camera[i] = row[0] * v[0] + row[1] * v[1] + row[2] * v[2];
+  }
+}
+
+PILOTAGE_INLINE void place_in_world(const CameraPose& pose, const double* in_camera,
+                                    double* point) {
+  const double* r = pose.left_from_world;
+  for (int i = 0; i < 3; ++i) {
+    point[i] =
+        pose.center[i] + r[i] * in_camera[0] + r[3 + i] * in_camera[1] + r[6 + i] * in_camera[2];
+  }
+}
+
 /// Moves a point by `step` through its inverse depth in `pose`, before and after that camera moved:
 /// projection there is linear in it, so that far points do not overshoot.
 PILOTAGE_INLINE void move_point(const CameraPose& pose, const CameraPose& moved_pose,
@@ -69,20 +86,14 @@ PILOTAGE_INLINE void move_point(const CameraPose& pose, const CameraPose& moved_
   const double turned[3] = {theta[1] * w[2] - theta[2] * w[1], theta[2] * w[0] - theta[0] * w[2],
                             theta[0] * w[1] - theta[1] * w[0]};
   for (int i = 0; i < 3; ++i) d[i] = step[i] - pose_step[i] - turned[i];
-  for (int i = 0; i < 3; ++i) {
-    const double* row = pose.left_from_world + 3 * i;
-    p[i] = row[0] * w[0] + row[1] * w[1] + row[2] * w[2];
-    dp[i] = row[0] * d[0] + row[1] * d[1] + row[2] * d[2];
-  }
+  turn_to_camera(pose, w, p);
+  turn_to_camera(pose, d, dp);
   // 1/z changes by -dz/z^2 = -(dz/z)/z; kept within a factor that still means a point in front.
   const double shrink = std::min(std::max(1.0 - dp[2] / p[2], 0.1), 10.0);
   const double z = p[2] / shrink;
   const double q[3] = {(p[0] / p[2] + (dp[0] - p[0] / p[2] * dp[2]) / p[2]) * z,
                        (p[1] / p[2] + (dp[1] - p[1] / p[2] * dp[2]) / p[2]) * z, z};
-  for (int i = 0; i < 3; ++i) {
-    const double* r = moved_pose.left_from_world;
-    moved[i] = moved_pose.center[i] + r[i] * q[0] + r[3 + i] * q[1] + r[6 + i] * q[2];
-  }
+  place_in_world(moved_pose, q, moved);
 }
 
 /// The point keeps its place in the axes of a camera that moves.
@@ -90,21 +101,15 @@ PILOTAGE_INLINE void carry_point(const CameraPose& pose, const CameraPose& moved
                                  const double* point, double* moved) {
   double w[3], p[3];
   for (int i = 0; i < 3; ++i) w[i] = point[i] - pose.center[i];
-  for (int i = 0; i < 3; ++i) {
-    const double* row = pose.left_from_world + 3 * i;
-    p[i] = row[0] * w[0] + row[1] * w[1] + row[2] * w[2];
-  }
-  const double* r = moved_pose.left_from_world;
-  for (int i = 0; i < 3; ++i) {
-    moved[i] = moved_pose.center[i] + r[i] * p[0] + r[3 + i] * p[1] + r[6 + i] * p[2];
-  }
+  turn_to_camera(pose, w, p);
+  place_in_world(moved_pose, p, moved);
 }
 
-PILOTAGE_INLINE bool is_before(const CameraPose& pose, const double* point) {
-  const double* axis = pose.left_from_world + 6;
-  double depth = 0;
-  for (int i = 0; i < 3; ++i) depth += axis[i] * (point[i] - pose.center[i]);
-  return depth > kMinimumDepthM;
+PILOTAGE_INLINE bool is_in_front(const CameraPose& pose, const double* point) {
+  double w[3], p[3];
+  for (int i = 0; i < 3; ++i) w[i] = point[i] - pose.center[i];
+  turn_to_camera(pose, w, p);
+  return p[2] > kMinimumDepthM;
 }
 
 /// The camera that sees a point and that its move would pass; -1 if none.
@@ -112,7 +117,7 @@ PILOTAGE_INLINE int passed_camera(const ChunkTask& task, int p, const CameraPose
                                   const double* moved) {
   for (int o = task.point_start[p]; o < task.point_start[p + 1]; ++o) {
     const int frame = task.observations[o].frame;
-    if (task.weights[o] > 0 && !is_before(moved_poses[frame], moved)) return frame;
+    if (task.weights[o] > 0 && !is_in_front(moved_poses[frame], moved)) return frame;
   }
   return -1;
 }
